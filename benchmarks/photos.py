@@ -167,6 +167,7 @@ def _compare(item: Item, found: ObjectProposal) -> dict[str, Any]:
         "top5": item.category in ranked[:5],
         "confidence": round(found.confidence, 3),
         "doubtful": bool(found.doubts),
+        "evidence": _evidence(found),
         "parts": dict(parts),
         "true_parts": dict(item.parts),
         "count": sum(parts.values()) == sum(item.parts.values()),
@@ -179,6 +180,16 @@ def _compare(item: Item, found: ObjectProposal) -> dict[str, Any]:
         row["errors"] = [round(e, 3) for e in errors]
         row["proportions"] = max(errors) <= 0.15
     return row
+
+
+def _evidence(found: ObjectProposal) -> dict[str, float | None]:
+    """Return the arguments of ``fitting.confidence.Evidence``."""
+    figures = next(s for s in found.trace if s.title == "Confidence").figures
+    return {
+        "category": figures["category"],
+        "parts": figures.get("parts of the front"),
+        "cost": figures["cost of the box"],
+    }
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

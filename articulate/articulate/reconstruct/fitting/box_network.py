@@ -26,7 +26,7 @@ SPREAD_FACTOR = 2.0
 EXTENT = (0.5, 99.5)
 """Percentiles of the pixels of the object between which it extends."""
 WEIGHTS_FILE = Path(__file__).with_name("box_weights.npz")
-"""Weights, trained on renders of the procedural library by ``benchmarks/box_network.py``."""
+"""Weights, trained on renders of the procedural library by ``benchmarks/photo_networks.py``."""
 CROP_SIDE = 1.45
 """Side of the square crop over the longer side of the object."""
 

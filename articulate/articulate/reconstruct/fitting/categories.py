@@ -10,15 +10,19 @@ import numpy as np
 
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.dimensions import Dimensions
-from articulate.library.procedural.front_layout import MIN_FRONT_M, FrontLayout, FrontPanel
+from articulate.library.procedural.front_layout import (
+    MIN_FRONT_M,
+    MOVING,
+    FrontLayout,
+    FrontPanel,
+)
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.fitting.box_fit import SizePrior
-from articulate.reconstruct.fitting.front_cells import (
-    CellKind,
-    classify_cells,
-    hinge_side,
+from articulate.reconstruct.fitting.front_panels import (
+    certainty,
+    fixed_if_small,
     panels_of,
-    structure_confidence,
+    with_fixed,
 )
 from articulate.reconstruct.fitting.object_front import ObjectFront
 
@@ -73,13 +77,13 @@ USUAL: Mapping[str, UsualSize] = {
 LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))}
 """Procedural category of each of PartNet-Mobility's; the first of several."""
 LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
-"""Categories whose front is generated from the cells of the image."""
-FIXED_STRUCTURE = 0.85
-"""Certainty of parts that the category determines."""
+"""Categories whose front is generated from the parts in the image."""
 WORKTOP_M = 0.018
 """Thickness of the worktop of furniture [m]."""
-BAND = 0.16
-"""Height of a control panel, as a share of the front, up to which a cell is fixed."""
+CONTROLS = (0.84, 0.95)
+"""Lowest and highest edge of a control panel above a door, as a share of the front."""
+LOW_DRAWER = 0.35
+"""Highest edge of a drawer below a door, as a share of the front."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +93,8 @@ class Generated:
     parts: tuple[Part, ...]
     assumptions: tuple[str, ...]
     layout: FrontLayout | None = None
-    structure: float = 1.0
-    """Certainty of the number and kinds of parts, in [0, 1]."""
+    certainty: float | None = None
+    """Certainty of the parts of the front, in [0, 1]; None where the category determines them."""
 
 
 def generate(category: str, front: ObjectFront, height_m: float | None = None) -> Generated:
@@ -111,15 +115,14 @@ def generate(category: str, front: ObjectFront, height_m: float | None = None) -
         "depth_m": float(np.clip(front.fit.depth, 0.25 * usual.depth, 3.0 * usual.depth)) * height,
         "height_m": height,
     }
-    kinds = classify_cells(front.cells, front.aspect)
     if category in LAYOUTS:
-        layout = _LAYOUTS[category](kinds, front, sizes)
+        layout = _LAYOUTS[category](front, sizes)
         free = category in {"StorageFurniture", "Table", "Refrigerator"}
         return Generated(
             parts=tuple(layout.parts()),
             assumptions=tuple(assumptions),
             layout=layout,
-            structure=structure_confidence(kinds) if free else FIXED_STRUCTURE,
+            certainty=certainty(front.parts) if free else None,
         )
     name = LIBRARY[category]
     dimensions = CATEGORIES[name].dimensions
@@ -127,9 +130,7 @@ def generate(category: str, front: ObjectFront, height_m: float | None = None) -
     found, clipped = scaled(dimensions, sizes)
     assumptions += [f"{field}: within the range of the category" for field in clipped]
     assumptions.append("parts and other dimensions: those of the category")
-    return Generated(
-        parts=tuple(found.parts()), assumptions=tuple(assumptions), structure=FIXED_STRUCTURE
-    )
+    return Generated(parts=tuple(found.parts()), assumptions=tuple(assumptions))
 
 
 def scaled(
@@ -150,14 +151,19 @@ def scaled(
     return dataclasses.replace(dimensions.sample(0), **changes), clipped
 
 
-def _storage(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
-    """Return furniture whose cells are drawers and doors."""
+def _storage(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return furniture with the parts of the front; it has one door where none is found."""
     most = sizes["height_m"] - WORKTOP_M - 1.05 * MIN_FRONT_M
     base = round(max(0.0, min(front.base_share * sizes["height_m"], most)), 3)
     width = round(max(0.15, sizes["width_m"]), 3)
     front_m = sizes["height_m"] - base - WORKTOP_M
+    low, high = base / sizes["height_m"], 1.0 - WORKTOP_M / sizes["height_m"]
+    panels = panels_of(front.parts, low, high)
+    panels = tuple(fixed_if_small(panel, width, front_m) for panel in panels)
+    if not any(panel.kind in MOVING for panel in panels):
+        panels = (FrontPanel(kind="door", left=0.0, right=1.0, bottom=0.0, top=1.0, hinge="right"),)
     return FrontLayout(
-        panels=tuple(_fixed_if_small(panel, width, front_m) for panel in panels_of(kinds)),
+        panels=with_fixed(panels, "panel", "panel"),
         width_m=width,
         depth_m=round(max(0.15, sizes["depth_m"]), 3),
         height_m=sizes["height_m"],
@@ -168,32 +174,19 @@ def _storage(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, floa
     )
 
 
-def _fixed_if_small(panel: FrontPanel, width_m: float, height_m: float) -> FrontPanel:
-    """Return a panel, without its joint if it is too small for one."""
-    sides = ((panel.right - panel.left) * width_m, (panel.top - panel.bottom) * height_m)
-    if min(sides) < 1.05 * MIN_FRONT_M:
-        return dataclasses.replace(panel, kind="panel", hinge="")
-    return panel
+def _table(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return a table: what the front leaves free at the floor is open."""
+    layout = _storage(front, sizes)
+    moving = [panel for panel in layout.panels if panel.kind in MOVING]
+    panels = with_fixed(moving, "panel", "gap")
+    return dataclasses.replace(layout, panels=panels, name="table", category="Table")
 
 
-def _table(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
-    """Return a table: what the front covers below its top are drawers."""
-    drawers = [dataclasses.replace(kind, p_drawer=1.0) for kind in kinds]
-    return dataclasses.replace(_storage(drawers, front, sizes), name="table", category="Table")
-
-
-def _fridge(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
-    """Return a refrigerator: every cell is a door, wide low ones at the bottom are drawers."""
-    panels = []
-    for k, kind in enumerate(kinds):
-        drawer = kind.cell.bottom < 0.4 and kind.aspect > 1.6 and kind.cell.handle is not None
-        panel = panels_of([dataclasses.replace(kind, p_drawer=1.0 if drawer else 0.0)])[0]
-        if panel.kind == "door":
-            panel = dataclasses.replace(panel, hinge=hinge_side(kinds, k))
-        panels.append(panel)
+def _fridge(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return a refrigerator: its parts are doors, wide low ones at the bottom drawers."""
+    layout = _storage(front, sizes)
     return dataclasses.replace(
-        _storage([], front, sizes),
-        panels=tuple(panels),
+        layout,
         name="fridge",
         category="Refrigerator",
         base="plinth",
@@ -204,14 +197,10 @@ def _fridge(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float
     )
 
 
-def _microwave(
-    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]
-) -> FrontLayout:
+def _microwave(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
     """Return a microwave: one door, beside a control panel on its free side."""
-    split = 0.76
-    cuts = [k.cell.left for k in kinds if 0.6 < k.cell.left < 0.9]
-    if cuts:
-        split = min(cuts)
+    edges = [part.right for part in front.parts if part.left < 0.2]
+    split = float(np.clip(max(edges, default=0.76), 0.6, 0.9))
     return FrontLayout(
         panels=(
             FrontPanel(
@@ -232,16 +221,11 @@ def _microwave(
 
 
 def _front_loader(
-    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float], name: str, category: str
+    front: ObjectFront, sizes: Mapping[str, float], name: str, category: str
 ) -> FrontLayout:
     """Return an appliance whose door falls open, below a band of controls."""
-    above = [k.cell.bottom for k in kinds if k.cell.top > 0.99 and k.cell.bottom > 1.0 - BAND]
-    top = min(above) if above else 0.87
-    below = [
-        kind.cell.top
-        for kind in kinds
-        if kind.cell.bottom < 0.01 and kind.cell.top < 0.35 and kind.aspect > 1.5
-    ]
+    top = float(np.clip(max((part.top for part in front.parts), default=0.87), *CONTROLS))
+    below = [part.top for part in front.parts if part.top < LOW_DRAWER]
     low = max(below) if below and category == "Oven" else 0.0
     panels = [
         FrontPanel(kind="panel", left=0.0, right=1.0, bottom=top, top=1.0),
@@ -266,14 +250,12 @@ def _front_loader(
     )
 
 
-def _oven(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
-    return _front_loader(kinds, front, sizes, "oven", "Oven")
+def _oven(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    return _front_loader(front, sizes, "oven", "Oven")
 
 
-def _dishwasher(
-    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]
-) -> FrontLayout:
-    return _front_loader(kinds, front, sizes, "dishwasher", "Dishwasher")
+def _dishwasher(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    return _front_loader(front, sizes, "dishwasher", "Dishwasher")
 
 
 _LAYOUTS: Mapping[str, Callable[..., FrontLayout]] = {

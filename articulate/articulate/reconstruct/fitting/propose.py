@@ -15,6 +15,7 @@ from articulate.library.procedural.materials import PALETTE, Material
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.fitting.box_cost import EDGES
 from articulate.reconstruct.fitting.categories import USUAL, Generated, generate
+from articulate.reconstruct.fitting.confidence import MIN_CONFIDENCE, Evidence
 from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.recognition.categories import category_probabilities, multiply
@@ -28,16 +29,10 @@ MIN_SHARE, MAX_SHARE = 0.01, 0.97
 """Smallest and largest share of an image that an object covers."""
 CROP_MARGIN = 0.12
 """Margin of the crop around the object, as a share of its larger side."""
-MIN_CATEGORY = 0.7
-"""Probability of the category below which the result is doubtful."""
 SURE_MOTION = 0.9
 """Probability of the joint type, given the category, above which it is not doubtful."""
-MIN_STRUCTURE = 0.6
-"""Certainty of the parts below which the result is doubtful."""
 MIN_VISIBLE = 0.5
 """Share of the front in the image below which the result is doubtful."""
-MAX_COST = 0.30
-"""Cost of the box fit above which the result is doubtful."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,22 +95,20 @@ def propose(
                 f"the part that moves in the video is {motion.kind}, and {_words(category)} of the "
                 "library has no such part there"
             )
-    doubts += _doubts(category, probabilities[category], front)
-    if generated.structure < MIN_STRUCTURE:
-        doubts.append(
-            f"number and kinds of the parts are uncertain ({generated.structure:.0%}); name them "
-            'with --text, e.g. "a cabinet with two drawers above a door"'
-        )
+    known = Evidence(
+        category=probabilities[category], parts=generated.certainty, cost=front.fit.cost
+    )
+    doubts += _doubts(category, known, front)
     return ObjectProposal(
         name=_name(category, generated),
         category=category,
         parts=generated.parts,
         palette=_palette(front),
-        confidence=probabilities[category] * generated.structure,
+        confidence=known.confidence(),
         evidence=evidence,
         assumptions=generated.assumptions,
         doubts=tuple(doubts),
-        trace=_trace(image, mask, probabilities, front),
+        trace=_trace(image, mask, probabilities, front, known),
     )
 
 
@@ -248,17 +241,18 @@ def _panel_corners(panel: FrontPanel, front: ObjectFront) -> NDArray[np.float64]
     return uv
 
 
-def _doubts(category: str, probability: float, front: ObjectFront) -> list[str]:
+def _doubts(category: str, known: Evidence, front: ObjectFront) -> list[str]:
     doubts = []
-    if probability < MIN_CATEGORY:
+    if known.confidence() < MIN_CONFIDENCE:
         doubts.append(
-            f"the category {_words(category)} has a probability of {probability:.0%}; name the "
-            "object with --text"
-        )
-    if front.fit.cost > MAX_COST:
-        doubts.append(
-            f"a box fits the outline poorly (cost {front.fit.cost:.2f}); take the closed object "
-            "from the front, entire in the image"
+            {
+                "category": f"the category {_words(category)} has a probability of "
+                f"{known.category:.0%}; name the object with --text",
+                "parts": "number and kinds of the parts are uncertain; name them with --text, "
+                'e.g. "a cabinet with two drawers above a door"',
+                "box": f"a box fits the outline poorly (cost {known.cost:.2f}); take the closed "
+                "object from the front, entire in the image",
+            }[known.weakest()]
         )
     if front.visible < MIN_VISIBLE:
         doubts.append("the front is not entirely in the image; take it entirely, from the front")
@@ -267,7 +261,8 @@ def _doubts(category: str, probability: float, front: ObjectFront) -> list[str]:
 
 def _palette(front: ObjectFront) -> dict[str, Material]:
     """Return the materials; those of bodies and fronts have the colour of the front."""
-    rgb = np.median(front.image.reshape(-1, 3), axis=0) / 255.0
+    above = front.image[: max(1, round((1.0 - front.base_share) * len(front.image)))]
+    rgb = np.median(above.reshape(-1, 3), axis=0) / 255.0
     rgba = (round(float(rgb[0]), 3), round(float(rgb[1]), 3), round(float(rgb[2]), 3), 1.0)
     names = ("white_lacquer", "white_sheet", "steel", "oak")
     return {**PALETTE, **{name: replace(PALETTE[name], rgba=rgba) for name in names}}
@@ -286,6 +281,7 @@ def _trace(
     mask: NDArray[np.bool_],
     probabilities: Mapping[str, float],
     front: ObjectFront,
+    known: Evidence,
 ) -> tuple[TraceStep, ...]:
     """Return mask, categories and fit for the trace page."""
     shaded = image.copy()
@@ -299,9 +295,9 @@ def _trace(
         cv2.line(overlay, ends[0], ends[1], (220, 40, 40), scale, cv2.LINE_AA)
     parsed = front.image.copy()
     height, width = parsed.shape[:2]
-    for cell in front.cells:
-        first = (round(cell.left * width) + 1, round((1.0 - cell.top) * height) + 1)
-        second = (round(cell.right * width) - 2, round((1.0 - cell.bottom) * height) - 2)
+    for part in front.parts:
+        first = (round(part.left * width) + 1, round((1.0 - part.top) * height) + 1)
+        second = (round(part.right * width) - 2, round((1.0 - part.bottom) * height) - 2)
         cv2.rectangle(parsed, first, second, (220, 40, 40), 2)
     return (
         TraceStep(
@@ -321,6 +317,16 @@ def _trace(
                 "overlap of the outlines": round(front.fit.overlap, 3),
                 "cost": round(front.fit.cost, 3),
             },
-            images={"Fitted box": png(overlay), "Front, divided": png(parsed)},
+            images={"Fitted box": png(overlay), "Parts of the front": png(parsed)},
+        ),
+        TraceStep(
+            title="Confidence",
+            text="Probability that category and parts are right, from the evidence for them.",
+            figures={
+                "confidence": round(known.confidence(), 3),
+                "category": round(known.category, 4),
+                "cost of the box": round(known.cost, 4),
+                **({} if known.parts is None else {"parts of the front": round(known.parts, 4)}),
+            },
         ),
     )

