@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -32,6 +32,9 @@ FRAME_QUANTILE = 0.85
 """Quantile of the depth of a panel above which handles are: its frame may be proud of it."""
 EDGE_SHARE = 0.8
 """A protrusion at an edge of the panel that spans more of it belongs to the neighbour."""
+RIM, DEEP, ENTIRE = 0.5, 0.5, 0.85
+"""A surface over the entire front that covers less of its rectangle, of a shell deeper than the
+second share of the object, is the rim of the body around an opening."""
 DEEPEST = 0.45
 """Panels farther behind the front than this share of the depth are backs of shelves."""
 HANDLE_SHARE = 0.45
@@ -75,6 +78,8 @@ class Panel:
     thin: bool
     """True if its cell is a board; False if it is a face of a deeper cell."""
     score: float
+    solid: float = 1.0
+    """Share of the rectangle that its own cell covers; 0.3 for a rim around an opening."""
     board: bool = True
     """True if its surface ends at its outline; False if it continues as the body."""
     handles: tuple[Handle, ...] = field(default=())
@@ -104,8 +109,13 @@ def find_panels(mesh: ScanMesh, levels: Sequence[Cells], view: FrontView) -> lis
         view: Its front view.
     """
     found: list[Panel] = []
+    shells = levels[0]
+    deep = np.ptp(shells.boxes[..., 0], axis=1) > DEEP * mesh.size[0]
     for cells in levels:
-        found += _of_level(mesh, cells, view)
+        found += [
+            _ranked(mesh, panel, deep[shells.label[panel.own[0]]])
+            for panel in _of_level(mesh, cells, view)
+        ]
     # Of nearly equal panels the outer one counts: a door rather than its pane.
     found.sort(key=lambda panel: (-round(panel.score, 1), -panel.area))
     kept: list[Panel] = []
@@ -113,6 +123,14 @@ def find_panels(mesh: ScanMesh, levels: Sequence[Cells], view: FrontView) -> lis
         if all(overlap(panel.rect, other.rect) < MAX_OVERLAP for other in kept):
             kept.append(panel)
     return kept
+
+
+def _ranked(mesh: ScanMesh, panel: Panel, deep: bool) -> Panel:
+    """Return the panel, with a lower score for the rim of the body around an opening."""
+    entire = (panel.size > ENTIRE * mesh.size[1:]).all()
+    return (
+        replace(panel, score=0.5 * panel.score) if entire and deep and panel.solid < RIM else panel
+    )
 
 
 def overlap(one: Array, other: Array) -> float:
@@ -174,6 +192,7 @@ def _panel(
         fill=fill,
         thin=thin,
         score=score,
+        solid=float(own.mean()),
         handles=handles_of(mesh, view, rect, depth, float(np.quantile(depth[own], FRAME_QUANTILE))),
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.reconstruct.scan.discs import knobs, round_door, wheels
+from articulate.reconstruct.scan.faucets import faucet_parts
 from articulate.reconstruct.scan.fronts import find_fronts, front_parts
 from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
 from articulate.reconstruct.scan.part_proposal import PartProposal
@@ -35,6 +36,7 @@ PRECISION: Mapping[str, float] = {
     "a plate above the rim of a container": 0.6,
     "a tray behind a door": 0.6,
     "an upright slab turned against the object": 0.5,
+    "the upper part of a column": 0.5,
     "a round protrusion of the front": 0.35,
     "a centred handle at the top": 0.35,
     "a centred handle at the bottom": 0.3,
@@ -75,6 +77,9 @@ def propose_parts(mesh: ScanMesh, counts: Mapping[str, int] | None = None) -> Fo
 
 
 def _by_rules(parts: Segmentation) -> FoundParts:
+    faucet = faucet_parts(parts)
+    if faucet:
+        return FoundParts(parts=tuple(faucet), category="Faucet")
     slabs = slab_parts(parts)
     if slabs:
         category = "Laptop" if slabs[0].kind == "screen" else "Box"
