@@ -1,4 +1,4 @@
-"""Train the networks that read photos: category, box and front of an object.
+"""Train the networks that read photos: box and front of an object.
 
     python benchmarks/photo_networks.py --samples FOLDER --network box --out box_weights.npz
 
@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from sklearn.linear_model import LogisticRegression
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -28,8 +27,6 @@ HELD_OUT = 10
 """One object in so many is held out."""
 BATCH = 32
 RATE = 3e-3
-CATEGORY_C = 20.0
-"""Inverse strength of the regularization of the category classifier."""
 Loss = Callable[[Any, dict[str, Tensor]], tuple[Tensor, dict[str, float]]]
 ENTRIES = {
     "box": ("stride_16", "stride_32", "corners", "sizes", "view"),
@@ -40,7 +37,6 @@ ENTRIES = {
         "front_parts",
         "front_aspect",
     ),
-    "category": ("features", "category"),
 }
 """Entries of the samples that each network reads."""
 
@@ -252,40 +248,21 @@ def folded(network: nn.Module) -> dict[str, Any]:
     return {name: value.detach().numpy().astype(np.float16) for name, value in out.items()}
 
 
-def category_weights(arrays: dict[str, Array], objects: Ints) -> dict[str, Any]:
-    """Return a linear classifier of normalized features; prints its share right, held out."""
-    x = arrays["features"].astype(np.float64)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    held = objects % HELD_OUT == 0
-    model = LogisticRegression(C=CATEGORY_C, max_iter=2000, class_weight="balanced")
-    model.fit(x[~held], arrays["category"][~held])
-    sys.stderr.write(f"held out: {model.score(x[held], arrays['category'][held]):.3f}\n")
-    return {
-        "names": np.array(model.classes_, dtype=str),
-        "weight": model.coef_.astype(np.float16),
-        "bias": model.intercept_.astype(np.float32),
-    }
-
-
 def main() -> None:
     """Train a network and write its weights."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--samples", type=Path, required=True)
     parser.add_argument("--network", choices=sorted(ENTRIES), required=True)
-    parser.add_argument("--epochs", type=int, default=12)
+    parser.add_argument("--epochs", type=int, default=9)
     parser.add_argument("--out", type=Path, required=True)
     flags = parser.parse_args()
     torch.manual_seed(0)
     torch.set_num_threads(1)
     arrays, objects = load(flags.samples, flags.network)
-    if flags.network == "category":
-        weights = category_weights(arrays, objects)
-    else:
-        network = BoxNetwork() if flags.network == "box" else FrontNetwork()
-        loss: Loss = box_loss if flags.network == "box" else front_loss
-        train(network, loss, arrays, objects, flags.epochs)
-        weights = folded(network)
-    np.savez_compressed(flags.out, **weights)
+    network = BoxNetwork() if flags.network == "box" else FrontNetwork()
+    loss: Loss = box_loss if flags.network == "box" else front_loss
+    train(network, loss, arrays, objects, flags.epochs)
+    np.savez_compressed(flags.out, **folded(network))
 
 
 if __name__ == "__main__":

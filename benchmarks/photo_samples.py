@@ -1,11 +1,10 @@
 """Rendered training images of the procedural library for the networks that read photos.
 
-    python benchmarks/photo_samples.py --images 5000 --out FOLDER
+    python benchmarks/photo_samples.py --images 3250 --out FOLDER
 
 Objects have seeds below 1000, or random fronts; sizes are scaled along each axis, colours and
-textures are random. A sample holds features of the ImageNet network: of the crop for the category,
-of the square around the object with the corners of its box, and of the rectified front with the
-rectangles of its parts.
+textures are random. A sample holds inner features of the ImageNet network: of the square around the
+object with the corners of its box, and of the rectified front with the rectangles of its parts.
 """
 
 from __future__ import annotations
@@ -36,11 +35,10 @@ from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.fitting.box_network import CORNERS, square_crop
 from articulate.reconstruct.fitting.front_network import KINDS, front_square
-from articulate.reconstruct.fitting.propose import crop_around
 from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.make_object import part_meshes, predicted_joints
 from articulate.reconstruct.proposal import ObjectProposal
-from articulate.reconstruct.recognition.classifier import SIDE_PX, classify, feature_maps
+from articulate.reconstruct.recognition.classifier import SIDE_PX, feature_maps
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
@@ -81,8 +79,6 @@ class TrainingObject:
     """Object with the parts at its front."""
 
     name: str
-    category: str
-    """PartNet-Mobility's name of the category."""
     meshes: tuple[PartMesh, ...]
     fronts: Mapping[int, int]
     """Kind of each drawer, door and flap, as an index of ``front_network.KINDS``, by its mesh."""
@@ -110,8 +106,8 @@ def split(rng: Generator, area: tuple[float, float, float, float], depth: int) -
     return out
 
 
-def furniture(rng: Generator) -> tuple[tuple[Part, ...], str]:
-    """Return furniture with a random front, and its category: a table has long legs or a gap."""
+def furniture(rng: Generator) -> tuple[Part, ...]:
+    """Return furniture with a random front."""
     while True:
         height = float(rng.uniform(0.4, 2.0))
         width = height * float(np.exp(rng.uniform(np.log(0.35), np.log(2.6))))
@@ -149,10 +145,7 @@ def furniture(rng: Generator) -> tuple[tuple[Part, ...], str]:
                 worktop_m=float(rng.choice([0.0, 0.018, 0.03])),
                 handle_m=float(rng.uniform(0.08, 0.6)),
             )
-            table = layout.base_m > 0.3 * height or any(
-                panel.kind == "gap" and panel.bottom == 0.0 for panel in panels
-            )
-            return tuple(layout.parts()), "Table" if table else "StorageFurniture"
+            return tuple(layout.parts())
         except (ConfigError, ValueError):
             continue
 
@@ -160,13 +153,12 @@ def furniture(rng: Generator) -> tuple[tuple[Part, ...], str]:
 def sample_object(rng: Generator) -> TrainingObject:
     """Sample an object, its sizes and its colours; its front is at +x."""
     if rng.uniform() < FURNITURE_SHARE:
-        name, palette = "furniture", dict(PALETTE)
-        parts, category = furniture(rng)
+        name, parts, palette = "furniture", furniture(rng), dict(PALETTE)
     else:
         names = [*CATEGORIES, *FRONTS]
         name = names[int(rng.integers(len(names)))]
         parts = tuple(CATEGORIES[name].parts(int(rng.integers(*SEEDS))))
-        palette, category = dict(CATEGORIES[name].palette), CATEGORIES[name].partnet
+        palette = dict(CATEGORIES[name].palette)
     if rng.uniform() < 0.6:
         darkest = float(rng.choice([0.04, 0.35]))
         tints = {key: rng.uniform(darkest, 1.0) * rng.uniform(0.7, 1.0, size=3) for key in palette}
@@ -191,7 +183,7 @@ def sample_object(rng: Generator) -> TrainingObject:
     low, high = joint_bounds(meshes)
     shift = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]]
     meshes = [mesh.with_vertices(mesh.vertices - shift) for mesh in meshes]
-    return TrainingObject(name=name, category=category, meshes=tuple(meshes), fronts=fronts)
+    return TrainingObject(name=name, meshes=tuple(meshes), fronts=fronts)
 
 
 def front_kind(joint: PredictedJoint, mesh: PartMesh) -> int:
@@ -390,11 +382,8 @@ def _sample(
     crop, T = square_crop(photo, box)
     uv, _ = camera.project(corners)
     maps = feature_maps([crop])
-    _, features = classify([crop_around(photo, mask.astype(np.bool_))])
     centre = camera.T_wc[:3, 3] - np.array([0.0, 0.0, 0.5 * sides[2]])
     out: dict[str, Array] = {name: maps[name][0].astype(np.float16) for name in BOX_MAPS}
-    out["features"] = features[0].astype(np.float16)
-    out["category"] = np.array(one.category)
     out["corners"] = ((uv + 0.5) * T[0] + T[1:]).astype(np.float32)
     out["sizes"] = np.log(sides / sides[2])[[1, 0]].astype(np.float32)
     azimuth = np.arctan2(centre[1], centre[0])
@@ -407,7 +396,7 @@ def _sample(
 def main() -> None:
     """Render samples into files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--images", type=int, default=5000)
+    parser.add_argument("--images", type=int, default=3250)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     flags = parser.parse_args()

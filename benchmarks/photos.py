@@ -102,8 +102,8 @@ def rendered(data: Path, chosen: str, count: int) -> Iterator[Item]:
 
 
 def procedural(chosen: str, count: int) -> Iterator[Item]:
-    """Yield renders of generated objects; seeds from 1000 are published."""
-    first = 1000 if chosen == "published" else 1
+    """Yield renders of generated objects; seeds from 2000 are published."""
+    first = 2000 if chosen == "published" else 1
     for k in range(count):
         name, seed = PROCEDURAL[k % len(PROCEDURAL)], first + k
         category = CATEGORIES[name]
@@ -188,7 +188,6 @@ def _evidence(found: ObjectProposal) -> dict[str, float | None]:
     return {
         "category": figures["category"],
         "parts": figures.get("parts of the front"),
-        "cost": figures["cost of the box"],
     }
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from articulate.transforms import Array
 
-BIAS = 0.0
-WEIGHTS = (1.0, 1.0, 0.0, -1.0)
+BIAS = -0.04
+WEIGHTS = (0.76, 1.54)
 """Logistic regression on ``Evidence.features``, fitted by ``benchmarks/photo_confidence.py`` to the
 development half of photos and renders."""
 MIN_CONFIDENCE = 0.8
@@ -26,27 +26,19 @@ class Evidence:
     """Probability of the category."""
     parts: float | None
     """Certainty of the parts of the front; None where the category determines them."""
-    cost: float
-    """Cost of the box fit."""
 
     def features(self) -> Array:
-        """Return the features of the regression (4,)."""
+        """Return the features of the regression (2,), at most ``MOST_LOGIT`` and 0."""
         p = float(np.clip(self.category, 1e-3, 1.0 - 1e-3))
         known = 1.0 if self.parts is None else max(self.parts, LEAST_PARTS)
-        return np.array(
-            [
-                float(np.clip(np.log(p / (1.0 - p)), -MOST_LOGIT, MOST_LOGIT)),
-                float(np.log(known)),
-                float(self.parts is None),
-                min(self.cost, 1.0),
-            ]
-        )
+        logit = float(np.clip(np.log(p / (1.0 - p)), -MOST_LOGIT, MOST_LOGIT))
+        return np.array([logit, float(np.log(known))])
 
     def confidence(self) -> float:
         """Return the probability that category and parts are right."""
         return float(1.0 / (1.0 + np.exp(-BIAS - self.features() @ WEIGHTS)))
 
     def weakest(self) -> str:
-        """Return the evidence that lowers the confidence most: category, parts or box."""
-        losses = np.asarray(WEIGHTS) * (self.features() - [MOST_LOGIT, 0.0, 1.0, 0.0])
-        return ("category", "parts", "box")[int(np.argmin([losses[0], losses[1], losses[3]]))]
+        """Return the evidence that lowers the confidence most: category or parts."""
+        losses = (self.features() - [MOST_LOGIT, 0.0]) * WEIGHTS
+        return ("category", "parts")[int(np.argmin(losses))]

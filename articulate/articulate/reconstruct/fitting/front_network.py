@@ -29,6 +29,8 @@ SAME = 0.5
 """Intersection over union of rectangles from which they are one part."""
 MIN_SUPPORT = 0.35
 """Least share of the points of a part that predict it."""
+MOST_SHARED = 0.35
+"""Most that a part shares with a better supported one, as a share of the smaller one."""
 MIN_SIDE = 0.04
 """Smallest side of a part, as a share of the front."""
 
@@ -121,7 +123,10 @@ def grouped(kinds: Array, reach: Array) -> tuple[FrontPart, ...]:
         alike[0] = True
         found.append(_part(boxes[left[alike]], kinds[left[alike]]))
         left = left[~alike]
-    kept = [part for part in found if part.support > MIN_SUPPORT]
+    kept: list[FrontPart] = []
+    for part in sorted(found, key=lambda part: -part.support):
+        if part.support > MIN_SUPPORT and all(_shared(part, one) < MOST_SHARED for one in kept):
+            kept.append(part)
     return _separated(kept)
 
 
@@ -140,6 +145,14 @@ def overlaps(boxes: Array, box: Array) -> Array:
     area = (boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2])
     own = (box[1] - box[0]) * (box[3] - box[2])
     return np.asarray(both / np.maximum(area + own - both, 1e-9))
+
+
+def _shared(one: FrontPart, other: FrontPart) -> float:
+    """Return what two parts share, as a share of the smaller one."""
+    wide = min(one.right, other.right) - max(one.left, other.left)
+    high = min(one.top, other.top) - max(one.bottom, other.bottom)
+    areas = [(p.right - p.left) * (p.top - p.bottom) for p in (one, other)]
+    return max(wide, 0.0) * max(high, 0.0) / max(min(areas), 1e-9)
 
 
 def _part(boxes: Array, kinds: Array) -> FrontPart:

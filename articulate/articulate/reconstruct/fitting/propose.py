@@ -95,9 +95,7 @@ def propose(
                 f"the part that moves in the video is {motion.kind}, and {_words(category)} of the "
                 "library has no such part there"
             )
-    known = Evidence(
-        category=probabilities[category], parts=generated.certainty, cost=front.fit.cost
-    )
+    known = Evidence(category=probabilities[category], parts=generated.certainty)
     doubts += _doubts(category, known, front)
     return ObjectProposal(
         name=_name(category, generated),
@@ -250,8 +248,6 @@ def _doubts(category: str, known: Evidence, front: ObjectFront) -> list[str]:
                 f"{known.category:.0%}; name the object with --text",
                 "parts": "number and kinds of the parts are uncertain; name them with --text, "
                 'e.g. "a cabinet with two drawers above a door"',
-                "box": f"a box fits the outline poorly (cost {known.cost:.2f}); take the closed "
-                "object from the front, entire in the image",
             }[known.weakest()]
         )
     if front.visible < MIN_VISIBLE:
@@ -325,7 +321,6 @@ def _trace(
             figures={
                 "confidence": round(known.confidence(), 3),
                 "category": round(known.category, 4),
-                "cost of the box": round(known.cost, 4),
                 **({} if known.parts is None else {"parts of the front": round(known.parts, 4)}),
             },
         ),

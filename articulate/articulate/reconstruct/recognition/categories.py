@@ -78,7 +78,7 @@ FLOOR = 1e-4
 WEIGHTS_FILE = Path(__file__).with_name("category_weights.npz")
 """Linear classifier of features, trained on renders of the procedural library by
 ``benchmarks/category_classifier.py``."""
-RENDERED_SHARE = 0.35
+RENDERED_SHARE = 0.45
 """Weight of the linear classifier; the rest is that of the ImageNet classes."""
 
 

@@ -8,12 +8,11 @@ from articulate.reconstruct.fitting.confidence import MIN_CONFIDENCE, Evidence
 
 
 def test_confidence_grows_with_the_evidence() -> None:
-    best = Evidence(category=0.98, parts=0.95, cost=0.05)
+    best = Evidence(category=0.98, parts=0.95)
     assert best.confidence() > MIN_CONFIDENCE
     for worse in (
-        Evidence(category=0.3, parts=0.95, cost=0.05),
-        Evidence(category=0.98, parts=0.1, cost=0.05),
-        Evidence(category=0.98, parts=0.95, cost=0.6),
+        Evidence(category=0.3, parts=0.95),
+        Evidence(category=0.98, parts=0.1),
     ):
         assert worse.confidence() < best.confidence()
 
@@ -21,8 +20,8 @@ def test_confidence_grows_with_the_evidence() -> None:
 @pytest.mark.parametrize(
     ("known", "weakest"),
     [
-        (Evidence(category=0.05, parts=0.95, cost=0.05), "category"),
-        (Evidence(category=0.98, parts=0.0, cost=0.05), "parts"),
+        (Evidence(category=0.05, parts=0.95), "category"),
+        (Evidence(category=0.98, parts=0.0), "parts"),
     ],
 )
 def test_the_weakest_evidence_is_named(known: Evidence, weakest: str) -> None:
