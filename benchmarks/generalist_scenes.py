@@ -94,6 +94,14 @@ def _record(asset: Asset, common: dict[str, Any]) -> SceneRecord:
     """Try the targets in order; the first with a capable expert counts, else the best."""
     best: SceneRecord | None = None
     reason = ""
+    estimates: dict[int, Feasibility] = {}
+
+    def rate(scene: Scene) -> float:
+        estimates[id(scene)] = found = estimate_feasibility(
+            scene, n_episodes=EXPERT_EPISODES, n_threads=1
+        )
+        return found.success
+
     for target_open in TARGETS:
         config = TrainConfig(
             asset=common["source"],
@@ -102,11 +110,11 @@ def _record(asset: Asset, common: dict[str, Any]) -> SceneRecord:
             target_open=target_open,
         )
         try:
-            scene = choose_scene(config, asset, lambda scene: _expert(scene).success)
+            scene = choose_scene(config, asset, rate)
         except ArticulateError as error:
             reason = reason or shorten(str(error), 160)
             continue
-        found = _expert(scene)
+        found = estimates[id(scene)]
         record = SceneRecord(
             **common,
             target_open=target_open,
@@ -119,10 +127,6 @@ def _record(asset: Asset, common: dict[str, Any]) -> SceneRecord:
         if record.expert >= GOOD_SUCCESS:
             break
     return best or SceneRecord(**common, reason=reason)
-
-
-def _expert(scene: Scene) -> Feasibility:
-    return estimate_feasibility(scene, n_episodes=EXPERT_EPISODES, n_threads=1)
 
 
 def scene_of(record: SceneRecord, scales: tuple[float, ...]) -> Scene:

@@ -9,7 +9,7 @@ resumable: what ``scenes.jsonl`` and ``results.jsonl`` of ``--out`` hold is not 
 scripted expert with that of the policy. ``--runs`` adds the correlation with the success of trained
 runs that have a report. The split is ``validation`` for procedural seeds
 from 1000 to 1999, ``test`` from 2000 on (below 1000: ``training``); other objects belong to the
-half of :func:`articulate.benchmark.split.half`.
+half of :func:`articulate.benchmark.split.half`. ``--limit`` chooses a sample by the hash of the id.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy
@@ -21,6 +21,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[_name] = "1"
 
 import argparse
+import hashlib
 import json
 import re
 import sys
@@ -153,6 +154,7 @@ def items_of(args: argparse.Namespace) -> list[tuple[str, Path, str]]:
         return [(i, write_procedural(i, folder), i.rpartition("-")[0]) for i in ids]
     assets = json.loads(args.data.read_text(encoding="utf-8"))["assets"]
     kept = [a for a in assets if half(a["id"]) == args.half]
+    kept.sort(key=lambda a: hashlib.sha256(a["id"].encode()).hexdigest())  # --limit: a sample
     return [(a["id"], args.data.parent / a["path"], a["category"]) for a in kept][: args.limit]
 
 
