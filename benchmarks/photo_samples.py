@@ -309,7 +309,7 @@ def _front_sample(
     error = float(rng.uniform(0.0, FRONT_ERROR)) * side
     square, H = front_square(photo, front_px + rng.normal(size=(4, 2)) * error)
     boxes = (part_boxes(one, camera, H) + 0.5) / SIDE_PX
-    parts = np.zeros((MOST_PARTS, 5), dtype=np.float32)
+    parts: Array = np.zeros((MOST_PARTS, 5))
     kept = min(len(boxes), MOST_PARTS)
     parts[:kept, :4] = boxes[:kept]
     parts[:kept, 4] = list(one.fronts.values())[:kept]
@@ -317,7 +317,7 @@ def _front_sample(
     out: dict[str, Array] = {
         f"front_{name}": value[0].astype(np.float16) for name, value in maps.items()
     }
-    out["front_parts"] = parts
+    out["front_parts"] = parts.astype(np.float32)
     out["front_aspect"] = np.array(np.log(aspect) + 0.1 * rng.normal(), dtype=np.float32)
     return out
 
