@@ -35,6 +35,10 @@ LEG = 3.0
 """Narrow panels that are taller than this ratio are legs or stiles."""
 WIDE = 0.42
 """Panels lower than this share of their width are drawers rather than flaps."""
+LEAF = 0.35
+"""Largest thickness of a board, as a share of the shorter side of its panel."""
+FLAP = 0.7
+"""Panels lower than this share of their width are flaps if a knob is centred on them."""
 CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
 TRAVEL = 0.75
@@ -244,7 +248,7 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
     # Surfaces at the back that face the panel are edges of the body.
     behind = parts.mesh.triangles[attached].max(axis=1)[:, 0] < panel.back + parts.near
     attached = attached[~(behind & (parts.mesh.normals[attached, 0] > 0.9))]
-    faces = np.unique(np.concatenate([panel.own, attached, front.tray]))
+    faces = np.unique(np.concatenate([panel.own, attached, front.tray, _leaf(parts, panel)]))
     base = PartProposal(
         kind="door",
         faces=faces,
@@ -263,9 +267,19 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
     centred = _is_centred(front)
     if centred and wide and not _has_neighbour(parts, front, others):
         return _drawer(parts, base, front, "a wide front with a centred handle")
-    if centred and not _has_neighbour(parts, front, others):
+    if centred and _is_flap(front) and not _has_neighbour(parts, front, others):
         return _flap(base, front)
     return _door(parts, base, front, others)
+
+
+def _leaf(parts: Segmentation, panel: Panel) -> Ints:
+    """Return the faces of the shells of a panel that are boards with its outline (K,)."""
+    shells = np.unique(parts.shells.label[panel.own])
+    boxes = parts.shells.boxes[shells]
+    within = (boxes[:, 0, 1:] > panel.rect[:2] - 2.0 * parts.near).all(axis=1)
+    within &= (boxes[:, 1, 1:] < panel.rect[2:] + 2.0 * parts.near).all(axis=1)
+    within &= np.ptp(boxes[..., 0], axis=1) < LEAF * panel.size.min()
+    return parts.faces_of(parts.shells, shells[within])
 
 
 def _is_centred(front: Front) -> bool:
@@ -275,6 +289,13 @@ def _is_centred(front: Front) -> bool:
         return False
     offset = abs(handle.centre[0] - panel.centre[0]) / panel.size[0]
     return bool(offset < CENTRED and handle.size[1] < 1.5 * handle.size[0])
+
+
+def _is_flap(front: Front) -> bool:
+    """Return whether a centred handle is a horizontal bar, or the panel is much wider than high."""
+    handle, panel = front.handle, front.panel
+    bar = handle is not None and handle.size[0] > BAR * handle.size[1]
+    return bool(bar or panel.size[1] < FLAP * panel.size[0])
 
 
 def _has_neighbour(parts: Segmentation, front: Front, others: Sequence[Front]) -> bool:

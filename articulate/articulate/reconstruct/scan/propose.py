@@ -28,10 +28,10 @@ UNSURE = 0.45
 PRECISION: Mapping[str, float] = {
     "a tray behind the front": 0.9,
     "an arch from one side of a round body to the other": 0.9,
-    "a centred part above a round body": 0.85,
+    "a centred part above a round body": 0.6,
     "a thin slab above a flat base": 0.85,
-    "a partner beside it": 0.7,
-    "equal discs at the bottom": 0.7,
+    "a partner beside it": 0.6,
+    "equal discs at the bottom": 0.6,
     "a handle near the other edge": 0.6,
     "a plate above the rim of a container": 0.6,
     "a tray behind a door": 0.6,

@@ -80,6 +80,37 @@ def bucket():
     return [body, bottom], [[bail]]
 
 
+def faucet():
+    """A column with a spout to the front and a lever on top."""
+    column = trimesh.creation.cylinder(0.02, segment=[(0, 0, 0), (0, 0, 0.15)], sections=32)
+    spout = trimesh.creation.cylinder(0.01, segment=[(0.02, 0, 0.06), (0.18, 0, 0.08)])
+    cap = trimesh.creation.cylinder(0.02, segment=[(0, 0, 0.152), (0, 0, 0.18)], sections=32)
+    lever = trimesh.creation.cylinder(0.005, segment=[(0, 0, 0.17), (0.08, 0, 0.2)])
+    return [column, spout], [[cap, lever]]
+
+
+def lined_drawers():
+    """Drawers between dividers, each in a liner that is open to the front."""
+    fixed, drawers = chest_of_drawers()
+    for k in range(3):
+        low, high = (0.03, -0.37, 0.03 + k * 0.29), (0.48, 0.37, 0.28 + k * 0.29)
+        fixed += [
+            box(low, (high[0], high[1], low[2] + 0.005)),
+            box((low[0], low[1], high[2] - 0.005), high),
+            box(low, (high[0], low[1] + 0.005, high[2])),
+            box((low[0], high[1] - 0.005, low[2]), high),
+        ]
+    return fixed, drawers
+
+
+def safe():
+    """A thick door within the rim of the body, with a wheel in its middle."""
+    outer, inner = box((0, -0.3, 0), (0.5, 0.3, 0.7)), box((0.05, -0.25, 0.05), (0.6, 0.25, 0.65))
+    door = box((0.44, -0.245, 0.055), (0.49, 0.245, 0.645))
+    wheel = trimesh.creation.cylinder(0.05, segment=[(0.49, 0, 0.35), (0.53, 0, 0.35)])
+    return [outer.difference(inner)], [[door, wheel]]
+
+
 def merged(fixed, parts):
     """One welded mesh, and the part of each face, -1 for the body."""
     meshes = [*fixed, *(piece for part in parts for piece in part)]

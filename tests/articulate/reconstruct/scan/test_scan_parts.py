@@ -8,9 +8,12 @@ from tests.articulate.reconstruct.scan.scan_objects import (
     bucket,
     chest_of_drawers,
     double_doors,
+    faucet,
     laptop,
+    lined_drawers,
     merged,
     overlap,
+    safe,
     write,
 )
 
@@ -55,8 +58,9 @@ def test_doors_are_hinged_away_from_their_handles():
         assert part.axis[2] * part.pivot[1] > 0  # opens to the front
 
 
-def test_a_front_with_a_tray_is_a_drawer():
-    _, found, overlaps = found_in(chest_of_drawers())
+@pytest.mark.parametrize("objects", [chest_of_drawers, lined_drawers])
+def test_a_front_with_a_tray_is_a_drawer(objects):
+    _, found, overlaps = found_in(objects())
     assert [part.kind for part in found.parts] == ["drawer"] * 3
     assert min(overlaps) > 0.99
     for part in found.parts:
@@ -73,6 +77,24 @@ def test_parts_of_other_objects(objects, kind, category):
     assert found.category == category
     assert overlaps[0] > 0.95
     assert abs(found.parts[0].axis[1]) > 0.99
+
+
+def test_the_lever_of_a_faucet_turns_on_its_column():
+    _, found, overlaps = found_in(faucet())
+    assert [part.kind for part in found.parts] == ["switch"]
+    assert found.category == "Faucet"
+    assert overlaps[0] > 0.95
+    np.testing.assert_allclose(found.parts[0].axis, (0, 0, 1))
+    np.testing.assert_allclose(found.parts[0].pivot[:2], 0.0, atol=0.01)
+
+
+def test_a_thick_door_in_a_rim_turns_about_an_upright_edge():
+    mesh, found, _ = found_in(safe())
+    door = next(part for part in found.parts if part.kind == "door")
+    assert abs(door.axis[2]) > 0.99
+    assert abs(door.pivot[1]) > 0.2
+    assert np.ptp(mesh.triangles[door.faces][..., 0]) > 0.049
+    assert np.ptp(mesh.triangles[door.faces][..., 1]) < 0.5
 
 
 def test_other_numbers_in_the_text_lower_the_confidence():
