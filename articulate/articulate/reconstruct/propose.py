@@ -113,6 +113,6 @@ def _with_text(found: ObjectProposal, text: ObjectProposal) -> ObjectProposal:
     return replace(
         text,
         palette={**text.palette, **found.palette},
-        doubts=(*text.doubts, *doubts),
+        doubts=(*text.doubts, *(d for d in doubts if "kinds of the parts" not in d)),
         trace=(*text.trace, *found.trace),
     )

@@ -6,39 +6,49 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.transforms import Array
-
-BIAS = -0.04
-WEIGHTS = (0.76, 1.54)
-"""Logistic regression on ``Evidence.features``, fitted by ``benchmarks/photo_confidence.py`` to the
-development half of photos and renders."""
+CATEGORY = (0.323, 1.215)
+PARTS = (-0.134, 0.615)
+"""Bias and weight of logistic regressions on the logit of the score, fitted by
+``benchmarks/photo_confidence.py`` to the development half of photos and renders."""
+FIXED_PARTS = 0.873
+"""Share of right parts where the category determines them; from the same command."""
 MIN_CONFIDENCE = 0.8
 """Confidence below which a result is doubtful; from the same command."""
 MOST_LOGIT = 4.0
-LEAST_PARTS = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Evidence for a proposed object."""
+    """Scores of a proposed object."""
 
     category: float
-    """Probability of the category."""
+    """Score of the category, in [0, 1]."""
     parts: float | None
-    """Certainty of the parts of the front; None where the category determines them."""
-
-    def features(self) -> Array:
-        """Return the features of the regression (2,), at most ``MOST_LOGIT`` and 0."""
-        p = float(np.clip(self.category, 1e-3, 1.0 - 1e-3))
-        known = 1.0 if self.parts is None else max(self.parts, LEAST_PARTS)
-        logit = float(np.clip(np.log(p / (1.0 - p)), -MOST_LOGIT, MOST_LOGIT))
-        return np.array([logit, float(np.log(known))])
+    """Score of the parts of the front; None where the category determines them."""
 
     def confidence(self) -> float:
         """Return the probability that category and parts are right."""
-        return float(1.0 / (1.0 + np.exp(-BIAS - self.features() @ WEIGHTS)))
+        return self.p_category() * self.p_parts()
+
+    def p_category(self) -> float:
+        """Return the probability of the category."""
+        return _regression(logit(self.category), CATEGORY)
+
+    def p_parts(self) -> float:
+        """Return the probability of the number and kinds of the parts, given the category."""
+        return FIXED_PARTS if self.parts is None else _regression(logit(self.parts), PARTS)
 
     def weakest(self) -> str:
-        """Return the evidence that lowers the confidence most: category or parts."""
-        losses = (self.features() - [MOST_LOGIT, 0.0]) * WEIGHTS
-        return ("category", "parts")[int(np.argmin(losses))]
+        """Return the less probable: category or parts."""
+        return "category" if self.p_category() <= self.p_parts() else "parts"
+
+
+def logit(score: float) -> float:
+    """Return the logit of a score in [0, 1], within ``MOST_LOGIT``."""
+    p = float(np.clip(score, 1e-3, 1.0 - 1e-3))
+    return float(np.clip(np.log(p / (1.0 - p)), -MOST_LOGIT, MOST_LOGIT))
+
+
+def _regression(x: float, bias_and_weight: tuple[float, float]) -> float:
+    bias, weight = bias_and_weight
+    return float(1.0 / (1.0 + np.exp(-bias - weight * x)))
