@@ -15,7 +15,7 @@ import numpy as np
 from articulate.reconstruct.fitting.decoder import read_network
 from articulate.reconstruct.recognition.classifier import SIDE_PX, feature_maps
 from articulate.render.raster import Pixels
-from articulate.transforms import Array
+from articulate.transforms import Array, Ints
 
 KINDS = ("fixed", "drawer", "door_left", "door_right", "flap")
 """Kinds of a point; doors by the side of their hinge."""
@@ -130,7 +130,7 @@ def grouped(kinds: Array, reach: Array) -> tuple[FrontPart, ...]:
     return _separated(kept)
 
 
-def _central(boxes: Array, left: Array) -> Array:
+def _central(boxes: Array, left: Ints) -> Array:
     """Return the rectangle (4,) that agrees best with those of the most certain points."""
     first = boxes[left[: min(len(left), 40)]]
     agreement = [float((overlaps(boxes[left], box) > SAME).sum()) for box in first]
