@@ -1,7 +1,7 @@
 """Generalist policy: one network for drawers, doors and lids that it has never seen.
 
-It was trained by imitation on objects of the procedural library only (``benchmarks/generalist.py``)
-and is part of the package. It acts without any training on an object (zero-shot), or is the
+It was trained by imitation on generated objects only (``benchmarks/generalist.py``) and is part of
+the package. It acts without any training on an object (zero-shot), or is the
 starting point of a training.
 """
 
