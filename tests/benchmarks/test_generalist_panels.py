@@ -1,0 +1,24 @@
+"""Panels with handles that the gripper can hold."""
+
+import numpy as np
+import pytest
+
+from generalist_panels import KINDS, panel_parts, write_panel
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(1, 20))
+def test_a_panel_has_one_joint_and_a_handle_of_its_moving_part(kind, seed):
+    body, panel = panel_parts(kind, seed)
+    assert body.motion is None
+    assert panel.motion is not None
+    assert panel.motion.kind == ("prismatic" if kind == "panel_drawer" else "revolute")
+    handle = next(one for one in panel.shapes if "handle" in one.name)
+    for solid in handle.solids:
+        corners = solid.mesh()[0]
+        assert np.all(corners.max(axis=0) - corners.min(axis=0) > 0.002)
+
+
+def test_the_same_id_gives_the_same_file(tmp_path):
+    first, second = (write_panel("panel_lid-0003", tmp_path / name) for name in "ab")
+    assert first.read_bytes() == second.read_bytes()
