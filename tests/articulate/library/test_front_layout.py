@@ -7,6 +7,7 @@ import pytest
 
 from articulate.errors import ConfigError
 from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, grid
+from articulate.library.procedural.solids import Box
 from articulate.library.procedural.urdf import Part
 
 
@@ -51,6 +52,17 @@ def test_free_edge_swings_towards_the_front(
     assert part.motion is not None
     velocity = np.cross(part.motion.axis, free_edge)
     assert velocity == pytest.approx([-1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("size_m", [0.4, 1.0, 1.5])
+def test_a_flap_is_light_enough_to_be_lifted_at_its_edge(size_m: float) -> None:
+    panel = FrontPanel(kind="flap", left=0, right=1, bottom=0, top=1, hinge="bottom")
+    (_, part) = layout(panel, width_m=size_m, height_m=size_m, board_m=0.03).parts()
+    (solid,) = part.shapes[0].solids
+    assert isinstance(solid, Box)
+    mass_kg = solid.density_kg_m3 * np.prod(solid.size)
+    assert 0.5 * mass_kg * 9.81 < 15.0  # at the edge, half of the 30 N of the checks
+    assert solid.density_kg_m3 <= 400.0
 
 
 def test_overlapping_and_tiny_panels_are_rejected() -> None:

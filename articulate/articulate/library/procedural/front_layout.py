@@ -6,6 +6,7 @@ and right are as seen from the front: left is +y.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -44,6 +45,9 @@ MIN_FRONT_M = 0.06
 """Smallest width and height of a moving front [m]."""
 OUTER_OPEN_RAD, INNER_OPEN_RAD = 1.75, 1.57
 """Range of doors that are hinged at the side of the object, and inside of it [rad]."""
+FRONT_KG_M3, MAX_FLAP_KG = 400.0, 3.0
+"""Density of hinged fronts, and largest mass of a flap [kg], which 30 N at its free edge must lift:
+springs, which are not modelled, balance heavier ones."""
 TOLERANCE = 1e-6
 
 
@@ -221,7 +225,11 @@ class FrontLayout:
             return drawer(
                 name, "body", front, hole, rear, material=self._front_finish, handle=panel.handle
             )
-        shapes = [shape(f"{name}_front", self._front_finish, {"panel": front}, 400.0)]
+        density = FRONT_KG_M3
+        if panel.kind == "flap":
+            volume_m3 = math.prod(high - low for low, high in front)
+            density = min(density, MAX_FLAP_KG / volume_m3)
+        shapes = [shape(f"{name}_front", self._front_finish, {"panel": front}, density)]
         shapes += self._handle(name, panel, front)
         return Part(name=name, shapes=tuple(shapes), motion=self._hinge(name, panel, front))
 
