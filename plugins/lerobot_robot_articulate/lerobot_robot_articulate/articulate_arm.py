@@ -14,10 +14,8 @@ from articulate_deploy.arms.client import ClientSpec
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.robots.arm import ArmOptions, ArmRobot
 from articulate_deploy.robots.robot import (
-    ACTION_FEATURES,
     GRIPPER_KEY,
     JOINT_KEYS,
-    OBSERVATION_FEATURES,
     action_dict,
     read_keys,
 )
@@ -53,12 +51,12 @@ class ArticulateArm(Robot):
     @property
     def observation_features(self) -> dict[str, type]:
         """Keys of observations; readable before :meth:`connect`."""
-        return dict(OBSERVATION_FEATURES)
+        return self._arm.observation_features
 
     @property
     def action_features(self) -> dict[str, type]:
         """Keys of actions; readable before :meth:`connect`."""
-        return dict(ACTION_FEATURES)
+        return self._arm.action_features
 
     @property
     def is_connected(self) -> bool:
