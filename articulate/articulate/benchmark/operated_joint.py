@@ -30,6 +30,8 @@ class Conditions:
     """Frames are averages over the exposure time."""
     jpeg: float = 0.5
     """Frames are compressed one by one, before the video is."""
+    entire: bool = False
+    """The camera of ``rendered_photo`` shows the entire object."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

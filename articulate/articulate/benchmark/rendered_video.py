@@ -23,6 +23,7 @@ from articulate.benchmark.operated_joint import (
     sample_positions,
     sample_shoulder,
 )
+from articulate.benchmark.rendered_photo import sample_camera
 from articulate.benchmark.surroundings import (
     Arm,
     sample_arm,
@@ -143,43 +144,62 @@ def _sample_cameras(
     moving = [k for k, part in enumerate(true.parts) if part.name in joint.moves]
     middle = joint.motion(float(np.median(positions)))
     for _ in range(TRIES):
-        longest = int(rng.choice([320, 384, 432, 480]))
-        ratio = float(rng.choice([4 / 3, 16 / 9]))
-        upright = rng.random() < 0.5
-        width, height = longest, round(longest / ratio / 2) * 2
-        if upright:
-            width, height = height, width
-        focal = longest * float(np.exp(rng.uniform(np.log(24.0), np.log(70.0)))) / SENSOR_MM
-        azimuth = np.radians(rng.uniform(-60.0, 60.0))
-        elevation = np.radians(rng.uniform(0.0, 50.0))
-        share = float(rng.random())
-        at = apply(middle, box.mean(axis=0)) * (1 - share) + 0.5 * (low + high) * share
-        small = 0.7 * float(np.linalg.norm(np.ptp(box, axis=0)))
-        large = 0.6 * float(np.linalg.norm(high - low))
-        radius = float(
-            np.exp(rng.uniform(np.log(min(small, large)), np.log(min(2.2 * small, large))))
-        )
-        distance = radius * 2.0 * focal / min(width, height) * float(rng.uniform(0.75, 1.3))
-        away = np.array(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ]
-        )
-        at = at + 0.12 * radius * rng.standard_normal(3)
-        roll = np.radians(rng.normal(0.0, 3.0))
-        T_wc = look_at(at + distance * away, at)
-        T_wc = T_wc @ pose([0.0, 0.0, 0.0], axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), roll))
-        first = pinhole(
-            width_px=width,
-            height_px=height,
-            fovy_rad=2.0 * math.atan(0.5 * height / focal),
-            T_wc=T_wc,
-        )
+        if how.entire:
+            first = sample_camera(true.parts, rng)
+            distance = float(np.linalg.norm(first.eye_w - 0.5 * (low + high)))
+        else:
+            at = apply(middle, box.mean(axis=0))
+            first, distance = _near_view(rng, at, np.ptp(box, axis=0), low, high)
         if _shows(scene, first, joint, positions, moving, distance):
             return _moving_camera(rng, first, len(positions), distance, how)
     return None
+
+
+def _near_view(
+    rng: np.random.Generator, part: Array, size: Array, low: Array, high: Array
+) -> tuple[Camera, float]:
+    """Return a camera that shows a part or all of the object, and its distance [m].
+
+    Args:
+        rng: Random numbers.
+        part: Centre of the part (3,).
+        size: Sides of its box (3,).
+        low: Lowest corner of the object (3,).
+        high: Highest corner of the object (3,).
+    """
+    longest = int(rng.choice([320, 384, 432, 480]))
+    ratio = float(rng.choice([4 / 3, 16 / 9]))
+    upright = rng.random() < 0.5
+    width, height = longest, round(longest / ratio / 2) * 2
+    if upright:
+        width, height = height, width
+    focal = longest * float(np.exp(rng.uniform(np.log(24.0), np.log(70.0)))) / SENSOR_MM
+    azimuth = np.radians(rng.uniform(-60.0, 60.0))
+    elevation = np.radians(rng.uniform(0.0, 50.0))
+    share = float(rng.random())
+    at = part * (1 - share) + 0.5 * (low + high) * share
+    small = 0.7 * float(np.linalg.norm(size))
+    large = 0.6 * float(np.linalg.norm(high - low))
+    radius = float(np.exp(rng.uniform(np.log(min(small, large)), np.log(min(2.2 * small, large)))))
+    distance = radius * 2.0 * focal / min(width, height) * float(rng.uniform(0.75, 1.3))
+    away = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    at = at + 0.12 * radius * rng.standard_normal(3)
+    roll = np.radians(rng.normal(0.0, 3.0))
+    T_wc = look_at(at + distance * away, at)
+    T_wc = T_wc @ pose([0.0, 0.0, 0.0], axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), roll))
+    first = pinhole(
+        width_px=width,
+        height_px=height,
+        fovy_rad=2.0 * math.atan(0.5 * height / focal),
+        T_wc=T_wc,
+    )
+    return first, distance
 
 
 def _shows(
