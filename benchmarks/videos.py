@@ -1,10 +1,10 @@
 """Evaluate `articulate observe` and `articulate make --video` on videos with known joints.
 
-    python benchmarks/filmed_clips.py observe clips.json wild.json --half published
-    python benchmarks/filmed_clips.py render videos --data data --half published --count 24
-    python benchmarks/filmed_clips.py render videos --half published --count 16
-    python benchmarks/filmed_clips.py make videos
-    python benchmarks/filmed_clips.py make clips.json --half published --text
+    python benchmarks/videos.py observe recorded.json wild.json --half published
+    python benchmarks/videos.py render videos --data data --half published --count 24
+    python benchmarks/videos.py render videos --half published --count 16
+    python benchmarks/videos.py make videos
+    python benchmarks/videos.py make recorded.json --half published --text
 
 `render` writes videos of PartNet-Mobility objects (`--data`) or generated ones, whose doors,
 drawers and lids are operated: the camera of `photos.py`, hand-held, an arm in a third of them.
@@ -311,7 +311,7 @@ def compare(found: ObjectProposal, truth: Mapping[str, Any]) -> dict[str, Any]:
         "confidence": round(found.confidence, 3),
         "doubtful": bool(found.doubts),
         "doubts": list(found.doubts),
-        "figures": {k: v for k, v in figures.items() if isinstance(v, int | float)},
+        "figures": figures,
     }
     moved = [part for part in found.parts if found.evidence.get(part.name) == "video"]
     if not moved:
@@ -354,9 +354,9 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     out: dict[str, Any] = {"videos": len(rows), "errors": sum("error" in r for r in rows)}
     known = ("category_right", "type_right", "kind_right", "side_right", "axis_right")
     for name in (*known, "range_right"):
-        asked = [r for r in rows if name in r or "error" in r]
-        share = wilson(sum(bool(r.get(name)) for r in asked), len(asked))
-        out[name] = [sum(bool(r.get(name)) for r in asked), len(asked), share.low, share.high]
+        scored = [r for r in rows if name in r or "error" in r]
+        share = wilson(sum(bool(r.get(name)) for r in scored), len(scored))
+        out[name] = [sum(bool(r.get(name)) for r in scored), len(scored), share.low, share.high]
     sure = [r for r in rows if not r["doubtful"]]
     out["right"] = sum(map(right, rows))
     out["not_doubtful"] = len(sure)
