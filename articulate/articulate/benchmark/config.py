@@ -10,6 +10,7 @@ from articulate.reconstruct.actors.modality import Modality
 
 Task = Literal["joints", "placement"]
 Condition = Literal["plain", "camera_off", "noisy"]
+ImageState = Literal["open", "closed"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +28,9 @@ class BenchmarkConfig:
     condition: Condition = "plain"
     """``camera_off``: the camera of the evidence is wrong by 5 degrees and 5 %; ``noisy``: noise,
     changing light, and textures on all parts."""
+    image_state: ImageState = "open"
+    """Joint states in images: ``open``: each joint at 20 to 80 % of the travel from 0 to its
+    farther limit; ``closed``: all joints at 0, as always in the task ``placement``."""
     width_px: int = 640
     """Width of images and videos [px]."""
     height_px: int = 480

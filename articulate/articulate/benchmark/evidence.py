@@ -2,7 +2,8 @@
 
 Parts have neutral names in a random order for each object, and are triangles in one frame. Evidence
 contains no file name, id, joint or origin of the data set. Labels are the semantic names without
-words that would reveal a joint.
+words that would reveal a joint. An image shows all joints open, each at a random share of its
+range, because people photograph an object in a state that shows how it opens.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
 from articulate.transforms import Array, apply, inverse, pose
 
+OPEN_SHARES = (0.2, 0.8)
+"""Least and largest share of its range at which a joint is in an image."""
 MOTION_FRAMES = 7
 """Frames of a video in which the motion in the image is measured."""
 MAX_POINTS = 2000
@@ -76,8 +79,10 @@ def cases_of(subject: TrueObject, config: BenchmarkConfig) -> Iterator[Case]:
         parts = tuple(textured(part, rng) for part in parts)
     scene = PartScene(parts)
     if config.modality == "image":
-        image = _perturbed(scene.render_image(camera)[None], config, rng)[0]
-        ids = scene.rasterize(camera).part_ids.ravel()
+        closed = config.task == "placement" or config.image_state == "closed"
+        poses = None if closed else open_poses(subject, rng)
+        image = _perturbed(scene.render_image(camera, poses)[None], config, rng)[0]
+        ids = scene.rasterize(camera, poses).part_ids.ravel()
         pixels = np.bincount(ids + 1, minlength=len(parts) + 1)[1:]
         yield Case(
             name="all",
@@ -89,6 +94,25 @@ def cases_of(subject: TrueObject, config: BenchmarkConfig) -> Iterator[Case]:
         return
     for joint in subject.joints:
         yield _video_case(subject, joint, scene, camera, base, names, config, rng)
+
+
+def open_poses(subject: TrueObject, rng: np.random.Generator) -> Array:
+    """Sample the motion of each part (P, 4, 4), all joints open.
+
+    Each joint is at 20 to 80 % of the travel from 0, or the limit closest to it, to its farther
+    limit; a joint without limits at that share of a turn.
+    """
+    poses = np.broadcast_to(np.eye(4), (len(subject.parts), 4, 4)).copy()
+    # A joint that moves more parts is nearer to the root, and its motion is applied last.
+    for joint in sorted(subject.joints, key=lambda joint: len(joint.moves)):
+        limits = [q for q in (joint.joint.lower, joint.joint.upper) if q is not None]
+        end = max(limits, key=abs, default=2.0 * np.pi)
+        start = float(np.clip(0.0, min(limits), max(limits))) if limits else 0.0
+        T_o = joint.joint.T_o(start + (end - start) * rng.uniform(*OPEN_SHARES))
+        for k, part in enumerate(subject.parts):
+            if part.name in joint.moves:
+                poses[k] = T_o @ poses[k]
+    return poses
 
 
 def _video_case(

@@ -24,6 +24,9 @@ VISIBLE_PX = 200.0
 """A placed part with fewer visible pixels is reported in a separate row."""
 IN_DISTRIBUTION = frozenset({"StorageFurniture", "Laptop", "Box", "Table", "Refrigerator"})
 """The five categories in the training data of the publication's baselines."""
+AMBIGUOUS = frozenset({"Chair", "Faucet", "FoldingChair", "Knife", "Window"})
+"""Categories in which part names allow several joints: levers on top or at the side, windows that
+slide or tip, seats that turn, rise or fold, blades that slide or fold."""
 WORST_AXIS_RAD = float(np.pi / 2)
 DEFAULT_DIAGONAL = 2.0
 LINKS = "links"
@@ -234,6 +237,7 @@ def _groups(items: Sequence[ScoredJoint]) -> Record:
     tests: dict[str, Callable[[ScoredJoint], bool]] = {
         "in_distribution": lambda i: i.category in IN_DISTRIBUTION,
         "out_of_distribution": lambda i: i.category not in IN_DISTRIBUTION,
+        "ambiguous": lambda i: i.category in AMBIGUOUS,
         "prismatic": lambda i: i.kind == "prismatic",
         "revolute": lambda i: i.kind == "revolute",
         "continuous": lambda i: i.kind == "continuous",

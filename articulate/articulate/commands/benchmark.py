@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from articulate.benchmark.ablation_rows import Ablation
-from articulate.benchmark.config import BenchmarkConfig, Condition, Task
+from articulate.benchmark.config import BenchmarkConfig, Condition, ImageState, Task
 from articulate.benchmark.split import half
 from articulate.commands import console, version
 from articulate.commands.fields import ADVANCED, POSITIONAL
@@ -72,6 +72,8 @@ class BenchmarkFlags:
     """Task; in placement the parts are displaced."""
     condition: Annotated[Condition, ADVANCED] = "plain"
     """Degradation of images and camera."""
+    image_state: Annotated[ImageState, ADVANCED] = "open"
+    """Joint state in images; in placement all joints are closed."""
     protocol: Literal["all", "paper", "released_code", "strict"] = "all"
     """Printed protocol; the files hold all."""
     data: Annotated[Path | None, ADVANCED] = None
@@ -147,6 +149,7 @@ class BenchmarkFlags:
             modality="image" if self.predictions else self.modality,
             task=self.task,
             condition=self.condition,
+            image_state=self.image_state,
             width_px=self.width_px,
             height_px=self.height_px,
             n_frames=self.n_frames,

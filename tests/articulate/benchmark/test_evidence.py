@@ -10,7 +10,7 @@ import pytest
 from tests.articulate.benchmark.objects import LINKS, cupboard
 
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.evidence import cases_of, motion_px
+from articulate.benchmark.evidence import cases_of, motion_px, open_poses
 from articulate.benchmark.perturb import CAMERA_ANGLE_RAD, camera_off
 from articulate.benchmark.run import run_object
 from articulate.benchmark.truth import TrueObject
@@ -230,6 +230,28 @@ def test_noisy_pictures_differ_but_show_the_same(subject):
     assert 2.0 < difference.mean() < 40.0
     body = plain.min(axis=-1) < 250
     assert np.std(noisy[body].astype(float)) > np.std(plain[body].astype(float))
+
+
+def test_images_show_all_joints_open_within_their_limits(subject):
+    poses = open_poses(subject, np.random.default_rng(0))
+    moved = dict(zip([p.name for p in subject.parts], poses, strict=True))
+    joints = {j.joint.part: j.joint for j in subject.joints}
+    assert np.array_equal(moved["link_0"], np.eye(4))
+    slid = moved["link_1"][:3, 3] @ np.asarray(joints["link_1"].axis_o)
+    assert 0.1 <= slid <= 0.4
+    turned = rotation_angle(moved["link_2"][:3, :3])
+    assert 0.28 <= turned <= 1.12
+    on_door = np.linalg.inv(moved["link_2"]) @ moved["link_3"]  # the knob turns on the door
+    assert np.allclose(on_door[:3, :3] @ joints["link_3"].axis_o, joints["link_3"].axis_o)
+
+
+def test_images_are_closed_if_wanted_and_where_parts_are_to_be_placed(subject):
+    at_rest = PartScene(subject.parts).render_image(front_camera(160, 120))
+    for changes in ({"image_state": "closed"}, {"task": "placement"}):
+        case = next(iter(cases_of(subject, settings(modality="image", **changes))))
+        assert np.array_equal(case.evidence.image, at_rest)
+    case = next(iter(cases_of(subject, settings(modality="image"))))
+    assert not np.array_equal(case.evidence.image, at_rest)
 
 
 def test_placement_with_a_clip_is_refused(error_line):

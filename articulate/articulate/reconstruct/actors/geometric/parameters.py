@@ -488,6 +488,59 @@ class CriticParameters:
 
 
 @dataclass(frozen=True)
+class StillParameters:
+    """Joints compared with one image of the open object."""
+
+    coarse_px: int = 128
+    """Longest side of the region in which hypotheses are compared [px]."""
+    fine_px: int = 256
+    """Longest side in which the best ones are refined [px]."""
+    background_tolerance: float = 18.0
+    """Pixels that differ by less from the background belong to it, 0 to 255."""
+    min_change_px: float = 12.0
+    """Fewer wrong pixels contradict no joint [px of the coarse region]."""
+    min_part_px: int = 12
+    """Smaller parts are not compared [px of the coarse region]."""
+    max_units: int = 10
+    """Moving parts that are compared at most, the largest first."""
+    rounds: int = 2
+    """Times that each part is moved while the others stay."""
+    turn_positions: int = 36
+    """Positions on a full turn."""
+    slide_step_px: float = 3.0
+    """Step of a slide, in units of a position [px]."""
+    slide_reach_px: float = 90.0
+    """Farthest travel of a slide, in the same units [px]."""
+    finer_steps: tuple[float, ...] = (-0.5, -0.25, 0.25, 0.5)
+    """Steps around the best position, as shares of a step."""
+    min_gain_share: float = 0.05
+    """A part has moved if that explains this share of its pixels."""
+    better_share: float = 0.10
+    """Another joint replaces the predicted one if it explains this share of the part's pixels in
+    addition."""
+    most_left_share: float = 0.6
+    """Share of the wrong pixels that may remain where the two joints differ."""
+    min_replaced_px: float = 25.0
+    """Wrong pixels that it must explain in addition [px of the fine region]."""
+    steps: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)
+    """Steps of a position around that of a hypothesis."""
+    pivot_steps_px: tuple[float, ...] = (4.0, 2.0, 1.0, 0.5)
+    """Shifts of a rotated part, from coarse to fine [px of the fine region]."""
+    pivot_rounds: int = 6
+    """Shifts of each size at most."""
+    min_turn_rad: float = 0.1
+    """A smaller rotation determines no pivot [rad]."""
+    snap_share: float = 0.02
+    """Share of the part's pixels that a shifted pivot must explain in addition."""
+    slide_share: float = 0.1
+    """Share of this advantage that a hinge must explain in addition to a slide."""
+    refined: int = 6
+    """Hypotheses that are refined."""
+    confidence: float = 0.7
+    """Confidence of a joint that the image determines."""
+
+
+@dataclass(frozen=True)
 class GeometricParameters:
     """All parameters of the geometric actor for videos, by stage.
 
@@ -507,6 +560,7 @@ class GeometricParameters:
     camera: CameraParameters = field(default_factory=CameraParameters)
     joint_fit: JointFitParameters = field(default_factory=JointFitParameters)
     critic: CriticParameters = field(default_factory=CriticParameters)
+    still: StillParameters = field(default_factory=StillParameters)
 
 
 PARAMETERS = GeometricParameters()
@@ -523,3 +577,4 @@ PARTS = PARAMETERS.parts
 CAMERA = PARAMETERS.camera
 JOINT_FIT = PARAMETERS.joint_fit
 CRITIC = PARAMETERS.critic
+STILL = PARAMETERS.still

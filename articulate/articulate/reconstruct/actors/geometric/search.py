@@ -300,8 +300,8 @@ def bend_matrix(motion: JointMotion, layers: Compositing) -> Array:
         motion, layers
     )
     gaps = np.diff(np.asarray(layers.crop.indices, dtype=np.float64))
-    gaps /= np.mean(gaps)
     out = np.zeros((max(0, len(gaps) - 1), len(gaps) + 1))
+    gaps /= np.mean(gaps) if len(gaps) else 1.0
     for i in range(len(out)):
         out[i, i : i + 3] = 1.0 / gaps[i], -1.0 / gaps[i] - 1.0 / gaps[i + 1], 1.0 / gaps[i + 1]
     return np.asarray(weight * out)

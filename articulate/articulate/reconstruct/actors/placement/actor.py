@@ -1,4 +1,7 @@
-"""Actor for images: place parts where an image shows them, then predict joints by name."""
+"""Actor for images: place parts where an image shows them, then predict joints by name.
+
+Joints of parts in their places are compared with the image.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from articulate.errors import UsageError
+from articulate.reconstruct.actors.geometric.image import correct_joints
 from articulate.reconstruct.actors.geometric.kernels import LIGHT_ROWS
-from articulate.reconstruct.actors.placement.placement_problem import build_problem
+from articulate.reconstruct.actors.placement.placement_problem import background_of, build_problem
 from articulate.reconstruct.actors.placement.search import solve, unexplained_share
 from articulate.reconstruct.actors.protocol import Actor, Evidence, Prediction, TraceStep
 from articulate.reconstruct.actors.semantic.actor import SemanticActor
@@ -28,7 +32,11 @@ class PlacementActor:
     def predict(self, evidence: Evidence) -> Prediction:
         """Return the placement of the parts, if they are not placed, and their joints."""
         if evidence.placed:
-            return self.joints.predict(evidence)
+            predicted = self.joints.predict(evidence)
+            if evidence.image is None or evidence.camera is None:
+                return predicted
+            light = default_light(evidence.camera)
+            return correct_joints(evidence, predicted, background_of(evidence.image), light)
         start = time.monotonic()
         placements, unexplained = place_parts(evidence)
         moved = tuple(part.moved(placements[part.name]) for part in evidence.parts)
