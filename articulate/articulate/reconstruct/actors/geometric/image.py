@@ -358,19 +358,23 @@ def _shifted(fit: MotionFit, across: Array, shift: Array, turn: float) -> Motion
 
 
 def _joint_from(joint: PredictedJoint, fit: MotionFit) -> PredictedJoint:
-    """Return ``joint`` with the motion of ``fit``, from closed to at least where it was seen."""
+    """Return ``joint`` with the motion of ``fit``, from closed to where it was seen or farther.
+
+    One image shows no limits: a rotation stays endless if it was.
+    """
     slide = fit.motion.kind == "slide"
     end = float(fit.q[0])
     end = float(np.copysign(max(abs(end), 0.0 if slide else 0.5 * np.pi), end))
     x, y, z = (float(v) for v in fit.motion.axis_o)
     px, py, pz = (float(v) for v in fit.motion.pivot_o)
+    endless = joint.kind == "continuous" and not slide
     return replace(
         joint,
-        kind="prismatic" if slide else "revolute",
+        kind="prismatic" if slide else "continuous" if endless else "revolute",
         axis_o=(x, y, z),
         pivot_o=(px, py, pz),
-        lower=min(0.0, end),
-        upper=max(0.0, end),
+        lower=None if endless else min(0.0, end),
+        upper=None if endless else max(0.0, end),
         confidence=STILL.confidence,
     )
 
