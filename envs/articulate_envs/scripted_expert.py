@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from articulate.assets.asset import Handle
 from articulate.robot.config import ControlConfig
 from articulate.robot.kinematics import relative, small_twist
 from articulate.task.object_placement import handle_path_of
@@ -25,14 +26,19 @@ from articulate_envs.grasp import grasp_of
 from articulate_envs.rewards import HELD_SHARE
 from articulate_envs.scene import Scene
 
-STRAIGHT_M, STRAIGHT_RAD = 0.004, 0.15
-"""Lateral and angular error of the gripper below which it approaches the handle straight."""
+STRAIGHT_M, STRAIGHT_RAD = (0.004, 0.010), 0.15
+"""Lateral error of the gripper below which it approaches the handle straight, between thick and
+thin handles, and angular error. A policy does not observe the error of the estimated position: if
+it made the expert stay back, the policy would stop before every handle."""
 BACK = 2.5, 0.15
 """Distance before the handle at larger errors, per metre and per radian beyond them [1, m]."""
 MAX_BACK_M = 0.08
 """Largest such distance [m]."""
 RETREAT_M = 0.05
 """Distance before the handle to which a gripper retreats that has closed on nothing [m]."""
+DEEP_M, TIP_M = 0.003, 0.010
+"""Largest distance beyond a knob's middle at which the fingers close, and half the length of a
+finger along the approach, which must fit behind it [m]."""
 ALONG = 0.8
 """Graspable share of a handle's length."""
 AT_M = (0.014, 0.008, 0.015)
@@ -51,6 +57,8 @@ HELD_M = 0.012
 BESIDE_M = 0.01
 """Distance of the handle's side from the middle of the gripper up to which it may be between the
 fingers [m]."""
+OPEN_M, ROOM_M = 0.08, 0.004
+"""Largest finger opening, and least room between a finger and the side of a handle [m]."""
 SHUT_M = 0.04
 """Finger opening below which a gripper without a handle has closed on nothing [m]."""
 LEAD_M = 0.12
@@ -86,6 +94,8 @@ class ScriptedExpert:
     """Distance from the handle's middle at which fingers may hold it (N,) [m]."""
     thick_m: Array
     """Thickness of the handle between the fingers (N,) [m]."""
+    deep_m: Array
+    """Distance beyond the middle of the handle at which the fingers close (N,) [m]."""
     pushes: Mask
     """True where closed fingers push the part instead of holding it (N,)."""
     aim: Array
@@ -152,12 +162,13 @@ class ScriptedExpert:
         off = self._beside(T_ha)
         lateral = np.linalg.norm(off[:, :2], axis=1)
         turned = rotation_angle(T_ha[:, :3, :3])
-        back = BACK[0] * np.maximum(lateral - STRAIGHT_M, 0.0)
+        straight = np.clip(0.5 * (OPEN_M - self.thick_m) - ROOM_M, *STRAIGHT_M)
+        back = BACK[0] * np.maximum(lateral - straight, 0.0)
         back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
         back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MAX_BACK_M)
         most = ALONG * self.along_m
         along = np.clip(T_ha[:, 0, 3], -most, most)
-        return pose(np.stack([along, np.zeros_like(along), -back], axis=1))
+        return pose(np.stack([along, np.zeros_like(along), self.deep_m - back], axis=1))
 
     def _ahead(self, state: State, params: EpisodeParams, T_ht: Array) -> Array:
         """Return goal poses (N, 4, 4) in the world of a gripper that leads the part, grasp kept."""
@@ -203,9 +214,17 @@ def make_scripted_expert(scene: Scene, *others: Scene) -> ScriptedExpert:
         span=np.array([path.span for path in paths]),
         along_m=np.array([grasp.along_m for grasp in grasps]),
         thick_m=np.array([grasp.thick_m for grasp in grasps]),
+        deep_m=np.array([_deep_m(handle) for handle in handles]),
         pushes=np.array([h is not None and h.kind == "push" for h in handles]),
         aim=np.array([_aim(one.task) for one in scenes]),
     )
+
+
+def _deep_m(handle: Handle | None) -> float:
+    """Return the distance beyond the middle at which fingers close: a knob's front is round."""
+    if handle is None or handle.kind != "knob":
+        return 0.0
+    return min(max(0.5 * handle.extent[2] - TIP_M, 0.0), DEEP_M)
 
 
 def _aim(task: Task) -> float:
