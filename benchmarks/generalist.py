@@ -73,6 +73,8 @@ STARTS = InitialStatesConfig(share_first=0.5, share_last=0.25, n_precomputed=48)
 BATCH_SIZE = 512
 LEARNING_RATES = 1e-3, 1e-4
 """Learning rate at the beginning and at the end, exponential decay between."""
+CONTINUED_RATES = 5e-4, 1e-4
+"""The same if the network continues from earlier weights."""
 MIN_STD = 0.1
 """Floor of the standard deviation of observations, whose units make them about 1: what varies
 little in training may vary more on other objects."""
@@ -114,8 +116,15 @@ def stacked_scaling(scenes: Sequence[Scene]) -> ActionScalingConfig:
 class Trainer:
     """DAgger on many scenes."""
 
-    def __init__(self, records: Sequence[SceneRecord], n_envs: int, rounds: int, seed: int) -> None:
-        """Compile the scenes and begin the episodes."""
+    def __init__(
+        self,
+        records: Sequence[SceneRecord],
+        n_envs: int,
+        rounds: int,
+        seed: int,
+        weights: Path | None = None,
+    ) -> None:
+        """Compile the scenes and begin the episodes; the network continues from ``weights``."""
         torch.manual_seed(seed)
         self._rng = np.random.default_rng(seed)
         self.records, self.rounds = records, rounds
@@ -136,6 +145,10 @@ class Trainer:
         self.data = Data([], [])
         ones = torch.ones(OBSERVATION.size)
         self.network = Network(torch.zeros(OBSERVATION.size), ones, HIDDEN)
+        self._continued = weights is not None
+        if weights is not None:
+            with np.load(weights) as arrays:
+                self.network.load_state_dict({k: torch.from_numpy(v) for k, v in arrays.items()})
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=LEARNING_RATES[0])
 
     def act(self, observation: Singles) -> Array:
@@ -147,7 +160,7 @@ class Trainer:
     def collect(self, k: int) -> list[Ended]:
         """Run an episode's length of control steps of round ``k`` and add to the data."""
         n = self.episodes.engine.n_envs
-        share = max(1.0 - k / EXPERT_ROUNDS, 0.0)
+        share = 0.0 if self._continued else max(1.0 - k / EXPERT_ROUNDS, 0.0)
         by_expert = self._rng.permutation(n) < round(share * n)
         self.episodes.progress = k / self.rounds
         ended = []
@@ -172,10 +185,10 @@ class Trainer:
         """Fit the network to all data with ``batches`` minibatches; return the last mean loss."""
         observations, actions = self.data.tensors()
         network = self.network
-        if k <= EXPERT_ROUNDS:
+        if k <= EXPERT_ROUNDS and not self._continued:
             network.mean.copy_(observations.mean(dim=0))
             network.scale.copy_(torch.rsqrt(observations.var(dim=0) + MIN_STD**2))
-        first, last = LEARNING_RATES
+        first, last = CONTINUED_RATES if self._continued else LEARNING_RATES
         losses = []
         for i in range(batches):
             done = (k + i / batches) / self.rounds
@@ -208,7 +221,7 @@ def train(args: argparse.Namespace) -> int:
     torch.set_num_threads(1)
     records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
     begin = time.monotonic()
-    trainer = Trainer(records, args.envs, args.rounds, args.seed)
+    trainer = Trainer(records, args.envs, args.rounds, args.seed, args.weights)
     print(f"{len(records)} scenes, {time.monotonic() - begin:.0f} s", flush=True)
     for k in range(args.rounds):
         ended = trainer.collect(k)
@@ -219,14 +232,15 @@ def train(args: argparse.Namespace) -> int:
             f"round {k} {collected:.0f} s {now:.0f} s loss {loss:.4f} {trainer.success(ended)}",
             flush=True,
         )
-        if (k + 1) % 4 == 0 or k + 1 == args.rounds:
+        if (k + 1) % 2 == 0 or k + 1 == args.rounds:
             write_weights(args.out / WEIGHTS, trainer.network)
             write_json(
                 args.out / METADATA,
                 {
                     "command": "python benchmarks/generalist.py train --scenes "
                     f"{args.scenes.name} --rounds {args.rounds} --envs {args.envs} "
-                    f"--batches {args.batches} --seed {args.seed}",
+                    f"--batches {args.batches} --seed {args.seed}"
+                    + (f" --weights {args.weights.name}" if args.weights else ""),
                     "licence": "MIT",
                     "objects": sorted({r.object for r in records}),
                     "scenes": dict(Counter(r.task for r in records)),
@@ -256,6 +270,7 @@ def main(argv: Sequence[str]) -> int:
     two.add_argument("--envs", type=int, default=128, help="environments")
     two.add_argument("--batches", type=int, default=400, help="minibatches per round")
     two.add_argument("--seed", type=int, default=0)
+    two.add_argument("--weights", type=Path, help="weights to continue from; default: random")
     two.add_argument("--out", type=Path, default=WEIGHTS_FOLDER, help="folder of the weights")
     args = parser.parse_args(argv)
     if args.command == "train":
