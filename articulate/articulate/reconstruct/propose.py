@@ -9,15 +9,14 @@ import cv2
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.library.procedural.front_layout import HingeSide
-from articulate.reconstruct.fitting.propose import MotionHint
+from articulate.reconstruct.fitting.part_motion import flows_of
 from articulate.reconstruct.fitting.propose import propose as propose_from_image
+from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.text.propose import propose as propose_from_text
 from articulate.render.joint_video import Video
-from articulate.render.raster import Pixels
-from articulate.video.observe import Observation, observe_joint
+from articulate.video.observe import observe_tracks, track_motion
 
 OBSERVED_PX = 480
 """Longest side of the video in which the motion is observed [px]."""
@@ -46,38 +45,41 @@ def propose_object(query: Query, *, height_m: float | None = None) -> ObjectProp
         return text
     hints = None if text is None else {text.category: NAMED}
     if query.video is not None:
-        image, motion = _from_video(query)
+        found = _from_video(query, hints, height_m)
     else:
         assert query.image is not None
-        image, motion = query.image, None
-    found = propose_from_image(image, hints=hints, motion=motion, height_m=height_m)
+        found = propose_from_image(query.image, hints=hints, height_m=height_m)
     if text is None:
         return found
     return _with_text(found, text)
 
 
-def _from_video(query: Query) -> tuple[Pixels, MotionHint]:
-    """Return the frame in which the object is closed, and the observed motion in it."""
+def _from_video(
+    query: Query, hints: Mapping[str, float] | None, height_m: float | None
+) -> ObjectProposal:
+    """Return the object whose joint explains the motion in the video."""
     assert query.video is not None
-    assert query.times_s is not None
     small = _small(query)
-    seen = observe_joint(small, query.description)
+    motion = track_motion(small, query.description)
+    seen = observe_tracks(motion, query.description)
     scale = query.video.shape[2] / small.frames.shape[2]
-    closed_first = seen.opening is not False
-    image = query.video[0 if closed_first else -1]
-    doubts = []
-    if seen.doubtful:
-        doubts.append(
-            f"the motion is {seen.kind} with a confidence of {seen.confidence:.2f}; record it "
-            "from another side, with the camera at rest"
+    left, right, top, bottom = seen.box_px
+    corners = np.array([[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0]])
+    corners = np.vstack([corners, [left, bottom, 1.0]])
+    views = []
+    for key in (0, -1):
+        uv = corners @ np.linalg.inv(motion.camera[key]).T
+        uv = scale * uv[:, :2] / uv[:, 2:]
+        (left, top), (right, bottom) = uv.min(axis=0), uv.max(axis=0)
+        views.append(
+            VideoView(
+                image=query.video[key],
+                moving_px=(float(left), float(right), float(top), float(bottom)),
+                flows=flows_of(motion.seen_from(key), motion.visible, motion.size_px),
+                key=key,
+            )
         )
-    left, right, top, bottom = (scale * value for value in seen.box_px)
-    return image, MotionHint(
-        p_revolute=seen.p_revolute,
-        side=_side(seen),
-        box_px=(left, right, top, bottom),
-        doubts=tuple(doubts),
-    )
+    return propose_from_video(views, seen.p_revolute, hints=hints, height_m=height_m)
 
 
 def _small(query: Query) -> Video:
@@ -91,16 +93,6 @@ def _small(query: Query) -> Video:
     size = (round(width * factor), round(height * factor))
     frames = [cv2.resize(query.video[k], size, interpolation=cv2.INTER_AREA) for k in picks]
     return Video(frames=np.stack(frames).astype(np.uint8), times_s=query.times_s[picks])
-
-
-def _side(seen: Observation) -> HingeSide:
-    sides: Mapping[str, HingeSide] = {
-        "left": "left",
-        "right": "right",
-        "top": "top",
-        "bottom": "bottom",
-    }
-    return sides.get(seen.side or "", "")
 
 
 def _with_text(found: ObjectProposal, text: ObjectProposal) -> ObjectProposal:

@@ -41,6 +41,11 @@ class Motion:
         """Larger side of the image [px]."""
         return float(max(self.size_px))
 
+    def seen_from(self, frame: int) -> Array:
+        """Return the pixels (T, N, 2) as seen from the camera pose of a frame."""
+        back = np.tile(np.linalg.inv(self.camera[frame]), (len(self.uv), 1, 1))
+        return stabilised(PointTracks(uv=self.uv, visible=self.visible), back)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePart:

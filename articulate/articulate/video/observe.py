@@ -114,16 +114,43 @@ def observe_joint(video: Video, source: str) -> Observation:
         UsageError: Nothing moves; the video is too dark, short or shaky; or too few moving points
             can be tracked.
     """
+    return observe_tracks(track_motion(video, source), source)
+
+
+def track_motion(video: Video, source: str) -> Motion:
+    """Track points, remove the motion of the camera, and group the points that move.
+
+    Args:
+        video: The video, as for ``observe_joint``.
+        source: Its name, for messages.
+
+    Raises:
+        UsageError: Nothing moves, or the video is too dark, short or shaky.
+    """
     frames = video.frames
     _check_frames(video, source)
     check_motion(frames, source)
     height, width = frames.shape[1:3]
     motion = video_motion(follow_surface(frames), (width, height))
     _check_camera(motion, source)
+    return motion
+
+
+def observe_tracks(motion: Motion, source: str, groupings: int = GROUPINGS) -> Observation:
+    """Estimate how the operated part moves, from the tracks of a video.
+
+    Args:
+        motion: Result of ``track_motion``.
+        source: Name of the video, for messages.
+        groupings: Groupings of the points whose candidates decide together.
+
+    Raises:
+        UsageError: Too few moving points can be tracked.
+    """
     candidates: list[CandidatePart] = []
     found: list[dict[str, float]] = []
     grouping: list[int] = []
-    for seed in range(GROUPINGS):
+    for seed in range(groupings):
         again = regrouped(motion, seed) if seed else motion
         parts = candidate_parts(again)
         candidates += parts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +79,8 @@ LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))
 """Procedural category of each of PartNet-Mobility's; the first of several."""
 LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
 """Categories whose front is generated from the parts in the image."""
+STRUCTURES = ("hinges", "cap", "freezer", "handles", "kind")
+"""Dimensions of a category that change its joints."""
 WORKTOP_M = 0.018
 """Thickness of the worktop of furniture [m]."""
 CONTROLS = (0.84, 0.95)
@@ -95,6 +98,23 @@ class Generated:
     layout: FrontLayout | None = None
     certainty: float | None = None
     """Certainty of the parts of the front, in [0, 1]; None where the category determines them."""
+    dimensions: Dimensions | None = None
+    """Dimensions of an object whose category determines its parts."""
+
+    def alternatives(self) -> tuple[Generated, ...]:
+        """Return the objects with the same dimensions and other structures of the category."""
+        out = [self]
+        dimensions = self.dimensions
+        for field in dataclasses.fields(dimensions) if dimensions is not None else ():
+            if field.name in STRUCTURES and "choices" in field.metadata:
+                out = [one._chosen(field.name, c) for one in out for c in field.metadata["choices"]]
+        return tuple(out)
+
+    def _chosen(self, name: str, choice: str) -> Generated:
+        assert self.dimensions is not None
+        changes: dict[str, Any] = {name: choice}
+        dimensions = dataclasses.replace(self.dimensions, **changes)
+        return dataclasses.replace(self, dimensions=dimensions, parts=tuple(dimensions.parts()))
 
 
 def generate(category: str, front: ObjectFront, height_m: float | None = None) -> Generated:
@@ -130,7 +150,7 @@ def generate(category: str, front: ObjectFront, height_m: float | None = None) -
     found, clipped = scaled(dimensions, sizes)
     assumptions += [f"{field}: within the range of the category" for field in clipped]
     assumptions.append("parts and other dimensions: those of the category")
-    return Generated(parts=tuple(found.parts()), assumptions=tuple(assumptions))
+    return Generated(parts=tuple(found.parts()), assumptions=tuple(assumptions), dimensions=found)
 
 
 def scaled(

@@ -15,6 +15,8 @@ FIXED_PARTS = 0.873
 MIN_CONFIDENCE = 0.8
 """Confidence below which a result is doubtful; from the same command."""
 MOST_LOGIT = 4.0
+MOTION = (0.0, 1.0, 0.0)
+"""Bias and weights of the logit of the answer and of the error of the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,24 @@ class Evidence:
     def weakest(self) -> str:
         """Return the less probable: category or parts."""
         return "category" if self.p_category() <= self.p_parts() else "parts"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionEvidence:
+    """Scores of an object from a video."""
+
+    answer: float
+    """Probability of category, joint type and axis among all that were compared."""
+    category: float
+    """The same of the category."""
+    cost: float
+    """Error of the motion over that of a resting object."""
+
+    def confidence(self) -> float:
+        """Return the probability that category, part, joint type and axis are right."""
+        bias, weight, of_cost = MOTION
+        x = bias + weight * logit(self.answer) + of_cost * self.cost
+        return float(1.0 / (1.0 + np.exp(-x)))
 
 
 def logit(score: float) -> float:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,16 +17,23 @@ from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.front_layout import FrontLayout, grid
 from articulate.library.procedural.materials import PALETTE
-from articulate.reconstruct.fitting import box_fit, object_front
+from articulate.reconstruct.fitting import box_fit, object_front, propose_video
 from articulate.reconstruct.fitting import propose as module
 from articulate.reconstruct.fitting.box_fit import box_corners
 from articulate.reconstruct.fitting.box_network import BoxPrediction
-from articulate.reconstruct.fitting.categories import USUAL, scaled
+from articulate.reconstruct.fitting.categories import USUAL, Generated, scaled
 from articulate.reconstruct.fitting.front_network import FrontPart
-from articulate.reconstruct.fitting.propose import MotionHint, propose, with_category
+from articulate.reconstruct.fitting.operated_parts import OperatedPart, fitted_joint
+from articulate.reconstruct.fitting.part_motion import WORK_PX, Flow, JointMotion
+from articulate.reconstruct.fitting.propose import propose
+from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
+from articulate.render.camera import Camera
+from articulate.render.parts import PartMesh
+from articulate.render.scene import PartScene
+from articulate.transforms import Array, apply
 
 WIDTH_M, DEPTH_M, HEIGHT_M = 1.0, 0.5, 0.8
 DRAWERS = tuple(
@@ -77,7 +86,8 @@ def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) 
     monkeypatch.setattr(module, "saliency", lambda image: photo.mask.astype(float))
     found = dict.fromkeys(USUAL, 0.01)
     found[category] = 0.9
-    monkeypatch.setattr(module, "category_probabilities", lambda image, crop: found)
+    for used in (module, propose_video):
+        monkeypatch.setattr(used, "category_probabilities", lambda image, crop: found)
 
 
 def test_drawers_of_a_front_become_parts(
@@ -100,39 +110,65 @@ def test_height_scales_the_object(monkeypatch: pytest.MonkeyPatch, photo: Render
     assert not any("usual" in text for text in found.assumptions)
 
 
-def test_an_observed_hinge_replaces_the_drawer_at_its_place(
-    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+@pytest.mark.parametrize("hinge", ["left", "right"])
+def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, hinge: str
 ) -> None:
     named(monkeypatch, photo, "StorageFurniture")
-    rows, columns = np.nonzero(photo.mask)
-    middle = float(np.median(columns))
-    motion = MotionHint(
-        p_revolute=0.95,
-        side="left",
-        box_px=(columns.min(), middle, rows.min(), float(np.median(rows))),
+    panels = list(grid(2, 2, "drawer"))
+    panels[0] = replace(panels[0], kind="door", hinge=hinge, name="door")
+    layout = FrontLayout(
+        panels=tuple(panels), width_m=WIDTH_M, depth_m=DEPTH_M, height_m=HEIGHT_M, finish="oak"
     )
-    found = propose(photo.image, motion=motion)
+    operated = OperatedPart(
+        generated=Generated(parts=tuple(layout.parts()), assumptions=()), part="door", share=1.0
+    )
+    box = box_fit.BoxFit(
+        width=WIDTH_M / HEIGHT_M,
+        depth=DEPTH_M / HEIGHT_M,
+        camera=photo.camera.at(moved_eye(photo.camera.T_wc)),
+        overlap=1.0,
+        cost=0.0,
+        parameters={},
+    )
+    meshes, joint = fitted_joint(operated, box)
+    flows = flows_of_door(meshes, joint, box.camera)
+    view = VideoView(image=photo.image, moving_px=(0.0, 640.0, 0.0, 480.0), flows=flows, key=0)
+    found = propose_from_video([view], 0.5)
     assert found.evidence["moved_door"] == "video"
     moved = next(part for part in found.parts if part.name == "moved_door")
     assert moved.motion is not None
-    assert moved.motion.axis == (0.0, 0.0, -1.0)  # hinged at the left
+    assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
 
 
-@pytest.mark.parametrize(
-    ("p", "category", "kind", "doubtful"),
-    [
-        (0.48, "Microwave", "revolute", False),
-        (0.52, "StorageFurniture", "revolute", True),
-        (0.4, "Table", "prismatic", False),
-    ],
-)
-def test_category_decides_an_uncertain_motion(
-    p: float, category: str, kind: str, doubtful: bool
-) -> None:
-    motion = MotionHint(p_revolute=p, side="", box_px=(0, 1, 0, 1), doubts=("uncertain",))
-    found = with_category(motion, category)
-    assert found.kind == kind
-    assert bool(found.doubts) == doubtful
+def moved_eye(T_wc: Array) -> Array:
+    """Return the pose of a camera in units of the object's height."""
+    out = T_wc.copy()
+    out[:3, 3] /= HEIGHT_M
+    return out
+
+
+def flows_of_door(
+    meshes: tuple[PartMesh, ...], joint: JointMotion, camera: Camera
+) -> tuple[Flow, ...]:
+    """Return the motion of points on all visible parts while one joint opens."""
+    camera = camera.scaled(WORK_PX / max(camera.width_px, camera.height_px))
+    scene = PartScene(meshes)
+    moving = [k for k, mesh in enumerate(meshes) if mesh.name in joint.moves]
+    poses = np.broadcast_to(np.eye(4), (len(meshes), 4, 4)).copy()
+    flows = []
+    for first, second in itertools.pairwise(np.linspace(0.0, 0.8 * joint.span, 6)):
+        poses[moving] = joint.transform(first)
+        seen = scene.rasterize(camera, poses)
+        v, u = np.nonzero(seen.part_ids >= 0)
+        v, u = v[::7], u[::7]
+        here = np.stack([u, v], axis=1).astype(np.float64)
+        points = camera.unproject(here, seen.depth_m[v, u])
+        step = joint.transform(second) @ np.linalg.inv(joint.transform(first))
+        there, _ = camera.project(apply(step, points))
+        on = np.isin(seen.part_ids[v, u], moving)
+        flows.append(Flow(here=here, there=np.where(on[:, None], there, here)))
+    return tuple(flows)
 
 
 def test_sizes_out_of_range_are_listed() -> None:
