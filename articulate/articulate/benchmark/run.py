@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import signal
-import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -33,34 +30,9 @@ from articulate.benchmark.records import Record, plain
 from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
 from articulate.errors import BudgetError, MissingError, UsageError
 from articulate.formats.part_names import plain_label
+from articulate.jobs.processor_limit import ProcessorLimitReached, processor_limit
 from articulate.reconstruct.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.transforms import Array, matrix_to_quat
-
-
-class _LimitReached(BaseException):
-    """A query took more than its processor time."""
-
-
-@contextlib.contextmanager
-def processor_limit(seconds: float) -> Iterator[None]:
-    """Raise in the block after ``seconds`` of this process's processor time [s].
-
-    Without effect outside the main thread, where Python runs no signal handlers.
-    """
-    if not math.isfinite(seconds) or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(_signal: int, _frame: object) -> None:
-        raise _LimitReached
-
-    before = signal.signal(signal.SIGVTALRM, stop)
-    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-        signal.signal(signal.SIGVTALRM, before)
 
 
 def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Record:
@@ -85,7 +57,7 @@ def run_case(subject: TrueObject, case: Case, actor: Actor, limit_s: float = mat
         with processor_limit(limit_s):
             prediction = actor.predict(case.evidence)
         rejection = prediction.rejection
-    except _LimitReached:
+    except ProcessorLimitReached:
         rejection = f"more than {limit_s:g} s of processor time"
         prediction = Prediction(joints=())
     except (MissingError, BudgetError):  # also for all other objects

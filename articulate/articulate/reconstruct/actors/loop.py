@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from articulate.jobs.processor_limit import ProcessorLimitReached, processor_limit
 from articulate.reconstruct.actors.protocol import (
     GOOD_ENOUGH,
     ActorAttempt,
@@ -20,6 +21,8 @@ from articulate.reconstruct.actors.protocol import (
 )
 
 MAX_ITERATIONS = 3
+LIMIT_S = 600.0
+"""Default processor time of a query [s]."""
 
 
 class Proposer(Protocol):
@@ -52,6 +55,8 @@ class Loop:
     residual: Callable[[Evidence, Prediction], Evidence | None] | None = None
     """Evidence without the motion that an accepted prediction explains, in which further joints are
     sought; None if nothing is left."""
+    limit_s: float = LIMIT_S
+    """Processor time after which a query ends, undecided unless a proposal was accepted [s]."""
 
     @property
     def name(self) -> str:
@@ -61,14 +66,31 @@ class Loop:
     def predict(self, evidence: Evidence) -> Prediction:
         """Return the proposal of the best rating, and further moving joints.
 
-        Each of these must be accepted by the critic; the verdict is that of the first.
+        Each of these must be accepted by the critic; the verdict is that of the first. A query that
+        reaches its limit of processor time is undecided: it has no joint.
         """
+        known: list[Prediction] = []
+        try:
+            with processor_limit(self.limit_s):
+                return self._predict(evidence, known)
+        except ProcessorLimitReached as error:
+            if error.seconds != self.limit_s:  # a shorter limit of the caller
+                raise
+            if known:  # accepted; only further joints were sought
+                return known[-1]
+            reason = f"undecided: no joint was accepted in {self.limit_s:g} s of processor time"
+            return Prediction(joints=(), rejection=reason)
+
+    def _predict(self, evidence: Evidence, accepted: list[Prediction]) -> Prediction:
+        """Return the prediction; each state of it with an accepted joint goes to ``accepted``."""
         steps: tuple[TraceStep, ...] = ()
         if self.prepare is not None:
             evidence, steps = self.prepare(evidence)
         kept = self._best(evidence)
         kept = replace(kept, trace=(*steps, *kept.trace))
         while self.residual is not None and self.critic is not None and not kept.rejection:
+            if _rating(kept) > GOOD_ENOUGH:
+                accepted.append(kept)
             remaining = self.residual(evidence, kept)
             if remaining is None:
                 break

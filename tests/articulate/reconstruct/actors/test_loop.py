@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from articulate.jobs.processor_limit import ProcessorLimitReached, processor_limit
 from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.protocol import (
     Evidence,
@@ -169,3 +170,43 @@ def test_a_joint_besides_that_the_critic_doubts_ends_it():
     assert [j.part for j in found.joints] == ["a"]
     assert found.calls == 2
     assert found.trace
+
+
+@dataclass
+class Endless(Rated):
+    """Computes without end from the second proposal on."""
+
+    first: int = 0
+
+    def assess(self, evidence, prediction):
+        """Rate the first proposals only."""
+        self.first -= 1
+        while self.first < 0:
+            pass
+        return super().assess(evidence, prediction)
+
+
+def test_a_query_beyond_its_processor_time_is_undecided():
+    loop = Loop(proposer=Scripted(["a"]), critic=Endless({}), limit_s=0.05)
+    found = loop.predict(EVIDENCE)
+    assert found.joints == ()
+    assert found.rejection == "undecided: no joint was accepted in 0.05 s of processor time"
+
+
+def test_an_accepted_joint_remains_if_the_search_for_others_takes_too_long():
+    critic = Endless({"a": 9.0}, first=1)
+    loop = Loop(
+        proposer=Scripted(["a"]),
+        critic=critic,
+        limit_s=0.05,
+        residual=lambda evidence, _: evidence,
+    )
+    found = loop.predict(EVIDENCE)
+    assert [j.part for j in found.joints] == ["a"]
+    assert found.rating == 9.0
+
+
+def test_the_shorter_of_two_limits_ends_a_query():
+    loop = Loop(proposer=Scripted(["a"]), critic=Endless({}), limit_s=60.0)
+    with pytest.raises(ProcessorLimitReached), processor_limit(0.05):
+        loop.predict(EVIDENCE)
