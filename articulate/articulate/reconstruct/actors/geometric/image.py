@@ -143,14 +143,17 @@ def correct_joints(
             for name in units:
                 if _replace_joint(coarse, fine, state, name) and name not in replaced:
                     replaced.append(name)
+    after = coarse.unexplained_px(state.poses(names))
+    surface = _merged(list(coarse.pieces.values()))
+    solid_px = int((rasterize(surface, coarse.crop).face_ids >= 0).sum())
     joints = tuple(_with_seen_range(state, joint) for joint in prediction.joints)
+    text = f"replaced: {', '.join(replaced)}" if replaced else "no joint replaced"
+    if after > STILL.max_unexplained_share * solid_px:
+        joints, text = prediction.joints, "the image differs too much from the parts to be used"
     step = TraceStep(
         title="joints compared with the image",
-        text=f"replaced: {', '.join(replaced)}" if replaced else "no joint replaced",
-        figures={
-            "unexplained_closed_px": before,
-            "unexplained_px": coarse.unexplained_px(state.poses(names)),
-        },
+        text=text,
+        figures={"unexplained_closed_px": before, "unexplained_px": after},
         seconds=time.monotonic() - start,
     )
     return replace(prediction, joints=joints, trace=(*prediction.trace, step))
@@ -221,12 +224,12 @@ def _best_position(
 ) -> tuple[float, float]:
     """Return the position of ``motion`` that explains the image best, and its cost."""
     if motion.kind == "turn":
-        q = (np.arange(steps) - steps // 2) * (2.0 * np.pi / steps)
+        q = np.asarray((np.arange(steps) - steps // 2) * (2.0 * np.pi / steps))
     else:
         unit = STILL.slide_step_px * position_unit(motion, layers)
         reach = STILL.slide_reach_px * position_unit(motion, layers)
         half = max(1, round(reach / unit))
-        q = np.arange(-half, half + 1) * unit
+        q = np.asarray(np.arange(-half, half + 1) * unit)
     costs = layers.costs(motion.T_o(q))[:, 0]
     k = int(costs.argmin())
     near = q[k] + (q[1] - q[0]) * np.array(STILL.finer_steps)

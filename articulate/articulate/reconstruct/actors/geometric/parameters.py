@@ -532,6 +532,9 @@ class StillParameters:
     """A smaller rotation determines no pivot [rad]."""
     snap_share: float = 0.02
     """Share of the part's pixels that a shifted pivot must explain in addition."""
+    max_unexplained_share: float = 0.25
+    """Share of the object's pixels that may remain wrong; otherwise the image is not used, as one
+    with a textured background."""
     slide_share: float = 0.1
     """Share of this advantage that a hinge must explain in addition to a slide."""
     refined: int = 6

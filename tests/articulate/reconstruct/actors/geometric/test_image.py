@@ -105,6 +105,11 @@ def test_a_closed_object_adds_nothing():
     assert corrected(image_at(0.0, 0.0), *wrong) == {joint.part: joint for joint in wrong}
 
 
+def test_an_image_of_something_else_is_not_used(half_open):
+    noise = np.random.default_rng(0).integers(0, 255, half_open.image.shape, dtype=np.uint8)
+    assert corrected(replace(half_open, image=noise), DOOR, DRAWER)["flap"] == DOOR
+
+
 def test_the_image_shows_the_direction_of_opening(half_open):
     inwards = replace(FLAP, lower=-1.5, upper=0.0)
     assert corrected(half_open, inwards, DRAWER)["flap"] == FLAP
