@@ -34,7 +34,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from articulate.files import sha256, write_json
+from articulate.files import read_json_object, sha256, write_json
 from articulate.task.observation import OBSERVATION
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
@@ -220,6 +220,7 @@ def train(args: argparse.Namespace) -> int:
     """Train and write the weights after every few rounds."""
     torch.set_num_threads(1)
     records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
+    earlier = read_json_object(args.weights.with_suffix(".json")) if args.weights else {}
     begin = time.monotonic()
     trainer = Trainer(records, args.envs, args.rounds, args.seed, args.weights)
     print(f"{len(records)} scenes, {time.monotonic() - begin:.0f} s", flush=True)
@@ -234,6 +235,7 @@ def train(args: argparse.Namespace) -> int:
         )
         if (k + 1) % 2 == 0 or k + 1 == args.rounds:
             write_weights(args.out / WEIGHTS, trainer.network)
+            steps = (k + 1) * args.envs * trainer.episodes.engine.scene.n_steps
             write_json(
                 args.out / METADATA,
                 {
@@ -245,7 +247,10 @@ def train(args: argparse.Namespace) -> int:
                     "objects": sorted({r.object for r in records}),
                     "scenes": dict(Counter(r.task for r in records)),
                     "rounds": k + 1,
-                    "control_steps": (k + 1) * args.envs * trainer.episodes.engine.scene.n_steps,
+                    "control_steps": steps + earlier.get("control_steps", 0),
+                    "continues": {name: earlier[name] for name in ("command", "sha256")}
+                    if earlier
+                    else None,
                     "seed": args.seed,
                     "versions": {n: v for n, v in versions().items() if n != "system"},
                     "sha256": sha256(args.out / WEIGHTS),
