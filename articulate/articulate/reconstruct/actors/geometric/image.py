@@ -261,12 +261,11 @@ def _replace_joint(coarse: StillImage, fine: StillImage, state: JointState, name
     for motion in candidate_motions(lead, rest, candidate_axes(lead)):
         q, cost = _best_position(motion, layers)
         tried.append((cost, motion, q))
-    tried.sort(key=lambda one: one[0])
-    if not tried or tried[0][0] > now - margin:
-        return False
+    tried = [one for one in sorted(tried, key=lambda one: one[0]) if one[0] < now - margin]
     detail = _layers(fine, state, name)
-    fits = [_refined(motion, q, detail) for _, motion, q in tried[: STILL.refined]]
     old = _with_cost(_motion_of(state.joints[name]), state.q.get(name, 0.0), detail)
+    starts = [(motion, q) for _, motion, q in tried[: STILL.refined]]
+    fits = [_refined(motion, q, detail) for motion, q in [(old.motion, old.q[0]), *starts]]
     best = min(fits, key=lambda fit: fit.cost)
     slides = [fit for fit in fits if fit.motion.kind == "slide"]
     if slides:  # they have fewer parameters than hinges

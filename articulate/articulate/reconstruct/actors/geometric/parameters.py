@@ -515,22 +515,21 @@ class StillParameters:
     """Steps around the best position, as shares of a step."""
     min_gain_share: float = 0.05
     """A part has moved if that explains this share of its pixels."""
-    better_share: float = 0.10
-    """Another joint replaces the predicted one if it explains this share of the part's pixels in
-    addition."""
+    better_share: float = 0.05
+    """Hypotheses are refined that explain this share of the part's pixels in addition."""
     most_left_share: float = 0.6
     """Share of the wrong pixels that may remain where the two joints differ."""
     min_replaced_px: float = 25.0
     """Wrong pixels that it must explain in addition [px of the fine region]."""
     steps: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)
     """Steps of a position around that of a hypothesis."""
-    pivot_steps_px: tuple[float, ...] = (4.0, 2.0, 1.0, 0.5)
+    pivot_steps_px: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0, 0.5)
     """Shifts of a rotated part, from coarse to fine [px of the fine region]."""
     pivot_rounds: int = 6
     """Shifts of each size at most."""
     min_turn_rad: float = 0.1
     """A smaller rotation determines no pivot [rad]."""
-    snap_share: float = 0.02
+    snap_share: float = 0.005
     """Share of the part's pixels that a shifted pivot must explain in addition."""
     max_unexplained_share: float = 0.25
     """Share of the object's pixels that may remain wrong; otherwise the image is not used, as one
