@@ -61,7 +61,7 @@ def _from_video(
     assert query.video is not None
     small = _small(query)
     motion = track_motion(small, query.description)
-    seen = observe_tracks(motion, query.description)
+    seen = observe_tracks(motion, query.description, groupings=1)
     scale = query.video.shape[2] / small.frames.shape[2]
     left, right, top, bottom = seen.box_px
     corners = np.array([[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0]])

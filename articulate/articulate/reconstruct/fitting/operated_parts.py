@@ -21,16 +21,16 @@ from articulate.reconstruct.make_object import part_meshes
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array
 
-FLAPS: Mapping[str, float] = {"Oven": 0.97, "Dishwasher": 0.99, "Refrigerator": 0.01}
-"""Share of hinged fronts of a category that fall or lift open."""
-USUAL_FLAPS = 0.1
-"""The same for other categories."""
+FLAPS = 0.1
+"""Share of hinged fronts of furniture that fall or lift open."""
 LIFTED = 0.25
 """Share of flaps with the hinge at the top."""
 MISSED = 0.2
 """Share of operated parts that the front network did not find."""
 FLOOR = 0.05
 """Least probability of a kind of part from the front network."""
+MIN_OVERLAP = 0.15
+"""Share of a panel in the moving region from which it may be the operated one."""
 TURN_RAD = 3.1
 """Range of joints without limits [rad]."""
 OPENINGS: tuple[tuple[PanelKind, HingeSide], ...] = (
@@ -41,12 +41,24 @@ OPENINGS: tuple[tuple[PanelKind, HingeSide], ...] = (
     ("flap", "top"),
 )
 """Kinds and hinges of an openable panel."""
+STRUCTURE: Mapping[str, tuple[PanelKind, ...]] = {
+    "Dishwasher": ("flap",),
+    "Microwave": ("door",),
+    "Oven": ("flap", "drawer"),
+    "Refrigerator": ("door", "drawer"),
+}
+"""Kinds of panels of a category; any kind for others. Their flaps fall open."""
+OPEN_WHEN_FITTED: Mapping[str, float] = {"Laptop": 1.75}
+"""Position of the joints at which the box of a category is fitted [rad]; else closed."""
+Region = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OperatedPart:
     """An object and its part that may have moved."""
 
+    category: str
+    """PartNet-Mobility's name."""
     generated: Generated
     part: str
     """Name of the part."""
@@ -55,7 +67,7 @@ class OperatedPart:
 
 
 def operated_parts(
-    category: str, generated: Generated, front: ObjectFront
+    category: str, generated: Generated, front: ObjectFront, moving_px: Region
 ) -> tuple[OperatedPart, ...]:
     """Return the parts of an object that may have moved, with each structure it can have.
 
@@ -63,11 +75,17 @@ def operated_parts(
         category: PartNet-Mobility's name.
         generated: Object of the image.
         front: Its front.
+        moving_px: Left, right, top and bottom of the region of the image that moves [px].
     """
     if generated.layout is not None:
-        return tuple(_panels(category, generated, front))
+        return tuple(_panels(category, generated, front, moving_px))
     found = [
-        OperatedPart(generated=one, part=part.name, share=_share(category, part.motion.kind))
+        OperatedPart(
+            category=category,
+            generated=one,
+            part=part.name,
+            share=_share(category, part.motion.kind),
+        )
         for one in generated.alternatives()
         for part in one.parts
         if part.motion is not None
@@ -80,18 +98,21 @@ def _share(category: str, kind: str) -> float:
     return slides if kind == "prismatic" else 1.0 - slides
 
 
-def _panels(category: str, generated: Generated, front: ObjectFront) -> Iterator[OperatedPart]:
-    """Yield each panel as a drawer, door and flap."""
+def _panels(
+    category: str, generated: Generated, front: ObjectFront, moving_px: Region
+) -> Iterator[OperatedPart]:
+    """Yield each panel in the moving region as a drawer, door and flap; all if none is in it."""
     layout = generated.layout
     assert layout is not None
     kinds = _kinds_of_panels(generated, front)
     moving = sum(panel.kind in MOVING for panel in layout.panels)
-    for k, panel in enumerate(layout.panels):
-        if panel.kind not in (*MOVING, "panel"):
-            continue
+    movable = [k for k, panel in enumerate(layout.panels) if panel.kind in (*MOVING, "panel")]
+    moved = [k for k in movable if _overlap(layout.panels[k], front, moving_px) > MIN_OVERLAP]
+    for k in moved or movable:
+        panel = layout.panels[k]
         known = panel.kind in MOVING
         seen = (1.0 - MISSED) / max(moving, 1) if known else MISSED / (len(layout.panels) - moving)
-        for kind, hinge in OPENINGS:
+        for kind, hinge in _openings(category):
             same = panel.kind == kind
             name = panel.name if same and panel.name else f"moved_{kind}"
             changed = replace(panel, kind=kind, hinge=hinge, name=name)
@@ -102,10 +123,33 @@ def _panels(category: str, generated: Generated, front: ObjectFront) -> Iterator
                 continue
             share = seen * _prior(category, changed) * (kinds[k][(kind, hinge)] if known else 0.2)
             yield OperatedPart(
+                category=category,
                 generated=replace(generated, layout=other, parts=tuple(other.parts())),
                 part=name,
                 share=share,
             )
+
+
+def _openings(category: str) -> list[tuple[PanelKind, HingeSide]]:
+    kinds = STRUCTURE.get(category)
+    return [
+        (kind, hinge)
+        for kind, hinge in OPENINGS
+        if kinds is None or (kind in kinds and hinge != "top")
+    ]
+
+
+def _overlap(panel: FrontPanel, front: ObjectFront, region: Region) -> float:
+    """Return the share of a panel that is in a region of the image."""
+    fit, base = front.fit, front.base_share
+    edges = [(u, v) for u in (panel.left, panel.right) for v in (panel.bottom, panel.top)]
+    points = [(fit.depth / 2, (u - 0.5) * fit.width, base + v * (1.0 - base)) for u, v in edges]
+    uv, _ = fit.camera.project(np.array(points))
+    (left, top), (right, bottom) = uv.min(axis=0), uv.max(axis=0)
+    wide = min(right, region[1]) - max(left, region[0])
+    high = min(bottom, region[3]) - max(top, region[2])
+    area = float((right - left) * (bottom - top))
+    return max(0.0, float(wide)) * max(0.0, float(high)) / max(area, 1.0)
 
 
 def _prior(category: str, panel: FrontPanel) -> float:
@@ -113,7 +157,8 @@ def _prior(category: str, panel: FrontPanel) -> float:
     slides = USUAL[category].slides
     if panel.kind == "drawer":
         return slides
-    flaps = FLAPS.get(category, USUAL_FLAPS)
+    kinds = STRUCTURE.get(category, ("flap", "door"))
+    flaps = 0.0 if "flap" not in kinds else 1.0 if "door" not in kinds else FLAPS
     if panel.kind == "flap":
         return (1.0 - slides) * flaps * (LIFTED if panel.hinge == "top" else 1.0 - LIFTED)
     return (1.0 - slides) * (1.0 - flaps) * 0.5
@@ -150,29 +195,33 @@ def fitted_joint(operated: OperatedPart, fit: BoxFit) -> tuple[tuple[PartMesh, .
     meshes = [
         m.with_vertices(m.vertices @ HALF_TURN.T) for m in part_meshes(generated.parts, PALETTE)
     ]
-    low, high = joint_bounds(meshes)
+    part = next(part for part in generated.parts if part.name == operated.part)
+    motion = part.motion
+    assert motion is not None
+    axis = HALF_TURN @ np.asarray(motion.axis, dtype=np.float64)
+    pivot = HALF_TURN @ origins(generated.parts)[part.name]
+    span = TURN_RAD if motion.kind == "continuous" else motion.upper
+    joint = JointMotion(
+        part=part.name,
+        kind=motion.kind,
+        axis=axis,
+        pivot=pivot,
+        span=span,
+        fitted=min(OPEN_WHEN_FITTED.get(operated.category, 0.0), span),
+        moves=_moves(generated, part.name),
+    )
+    opened = joint.transform(joint.fitted)
+    low, high = joint_bounds([m.moved(opened) if m.name in joint.moves else m for m in meshes])
     scale = np.array([fit.depth, fit.width, 1.0]) / (high - low)
     origin = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
 
     def placed(points: Array) -> Array:
         return np.asarray((points - origin) * scale)
 
-    part = next(part for part in generated.parts if part.name == operated.part)
-    motion = part.motion
-    assert motion is not None
-    axis = HALF_TURN @ np.asarray(motion.axis, dtype=np.float64)
-    span = TURN_RAD if motion.kind == "continuous" else motion.upper
     if motion.kind == "prismatic":
         span *= float(np.linalg.norm(axis * scale))
-    joint = JointMotion(
-        part=part.name,
-        kind=motion.kind,
-        axis=axis,
-        pivot=placed(HALF_TURN @ origins(generated.parts)[part.name]),
-        span=span,
-        moves=_moves(generated, part.name),
-    )
-    return tuple(mesh.with_vertices(placed(mesh.vertices)) for mesh in meshes), joint
+    placed_joint = replace(joint, pivot=placed(pivot), span=span)
+    return tuple(mesh.with_vertices(placed(mesh.vertices)) for mesh in meshes), placed_joint
 
 
 def _moves(generated: Generated, name: str) -> tuple[str, ...]:

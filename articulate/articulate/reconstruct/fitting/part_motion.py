@@ -30,8 +30,8 @@ WORK_PX = 200
 """Longest side of the images in which the object is rendered [px]."""
 TOLERANCE_SHARE, TOLERANCE_PX = 0.5, 0.8
 """Error at which a prediction is no better than none: a share of the motion, plus a constant."""
-LARGEST_PX = 12.0
-"""Motion from which points count equally [px]."""
+NOISE_PX, LARGEST_PX = 0.8, 12.0
+"""Motion up to which points count as resting, and from which they count equally [px]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +55,8 @@ class JointMotion:
     """A point on the axis (3,)."""
     span: float
     """Far end of opening [rad or unit of the object]."""
+    fitted: float
+    """Position in the image to which the object is fitted [rad or unit of the object]."""
     moves: tuple[str, ...]
     """Names of all parts that move along, the part itself first."""
 
@@ -124,8 +126,8 @@ def match_motion(
 
 
 def _weights(motion: Array) -> Array:
-    """Return the weight of each motion (..., 2), its length up to a limit."""
-    return np.asarray(np.minimum(np.linalg.norm(motion, axis=-1), LARGEST_PX))
+    """Return the weight of each motion (..., 2): its length above the noise, up to a limit."""
+    return np.asarray(np.clip(np.linalg.norm(motion, axis=-1) - NOISE_PX, 0.0, LARGEST_PX))
 
 
 def _costs(

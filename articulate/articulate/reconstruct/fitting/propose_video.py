@@ -38,12 +38,14 @@ from articulate.render.image import png
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
 
-MOST_CATEGORIES = 4
+MOST_CATEGORIES = 6
 """Categories that are fitted."""
-LEAST_CATEGORY = 0.03
+LEAST_CATEGORY = 0.02
 """Probability of a category over that of the most probable one below which it is not fitted."""
-COST_SCALE = 0.06
+COST_SCALE = 0.025
 """Error of the motion that makes a joint less probable by a factor of e."""
+SHARE_WEIGHT = 0.5
+"""Weight of the probability of a part among those of its category."""
 OPEN_SCALE = 0.5
 """Share of the range at which a joint is open in its frame, with the same effect."""
 
@@ -184,14 +186,14 @@ def _candidates(
     front = find_front(view.image, mask, USUAL[category].prior)
     generated = generate(category, front, height_m)
     out = []
-    for operated in operated_parts(category, generated, front):
+    for operated in operated_parts(category, generated, front, view.moving_px):
         meshes, joint = fitted_joint(operated, front.fit)
         match = match_motion(meshes, joint, front.fit.camera, view.flows)
         slides = joint.kind == "prismatic"
-        opened = float(match.positions[view.key]) / joint.span
+        opened = abs(float(match.positions[view.key]) - joint.fitted) / joint.span
         score = (
             np.log(max(probability, 1e-9))
-            + np.log(max(operated.share, 1e-9))
+            + SHARE_WEIGHT * np.log(max(operated.share, 1e-9))
             + np.log(max(1.0 - p_revolute if slides else p_revolute, 1e-3))
             - match.cost / COST_SCALE
             - opened / OPEN_SCALE

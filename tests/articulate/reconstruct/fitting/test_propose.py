@@ -121,7 +121,10 @@ def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
         panels=tuple(panels), width_m=WIDTH_M, depth_m=DEPTH_M, height_m=HEIGHT_M, finish="oak"
     )
     operated = OperatedPart(
-        generated=Generated(parts=tuple(layout.parts()), assumptions=()), part="door", share=1.0
+        category="StorageFurniture",
+        generated=Generated(parts=tuple(layout.parts()), assumptions=()),
+        part="door",
+        share=1.0,
     )
     box = box_fit.BoxFit(
         width=WIDTH_M / HEIGHT_M,
