@@ -5,13 +5,14 @@
     python benchmarks/videos.py render videos --half published --count 16
     python benchmarks/videos.py make videos
     python benchmarks/videos.py make recorded.json --half published --text
+    python benchmarks/videos.py confidence videos/made.jsonl
 
 `render` writes videos of PartNet-Mobility objects (`--data`) or generated ones, whose doors,
 drawers and lids are operated: the camera of `photos.py`, hand-held, an arm in a third of them.
 `make` gives nothing but the video, with `--text` also the category, and evaluates the written
 asset; it keeps one line for each video and continues where it was interrupted. File names are not
-used. The classifiers are learned from rendered videos; the development half of the recorded ones
-was used to compare designs.
+used. `confidence` needs scikit-learn. The classifiers are learned from rendered videos; the
+development half of the recorded ones was used to compare designs.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.library import ProceduralLibrary
 from articulate.library.procedural.truth import bounds
 from articulate.reconstruct.fitting.categories import USUAL
+from articulate.reconstruct.fitting.confidence import logit
 from articulate.reconstruct.link_meshes import HALF_TURN
 from articulate.reconstruct.make_object import make_object
 from articulate.reconstruct.proposal import ObjectProposal
@@ -368,10 +370,31 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def confidence(args: argparse.Namespace) -> None:
+    """Fit ``articulate.reconstruct.fitting.confidence.MOTION`` to results and print it."""
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.model_selection import LeaveOneOut, cross_val_predict
+
+    lines = [line for path in args.source for line in path.read_text("utf-8").splitlines()]
+    rows = [row for row in map(json.loads, lines) if "figures" in row]
+    figures = [row["figures"] for row in rows]
+    x = np.array(
+        [[logit(f["probability of the joint"]), f["error of the motion"]] for f in figures]
+    )
+    y = np.array([right(row) for row in rows])
+    model = LogisticRegression()
+    p = cross_val_predict(model, x, y, cv=LeaveOneOut(), method="predict_proba")[:, 1]
+    model.fit(x, y)
+    print(f"MOTION = ({model.intercept_[0]:.3f}, {model.coef_[0, 0]:.3f}, {model.coef_[0, 1]:.3f})")
+    for limit in np.arange(0.4, 0.95, 0.05):
+        kept = p >= limit
+        print(f"limit {limit:.2f}: {kept.sum()} of {len(y)} kept, {y[kept].sum()} right")
+
+
 def main() -> None:
     """Run one step."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("step", choices=["observe", "render", "make"])
+    parser.add_argument("step", choices=["observe", "render", "make", "confidence"])
     parser.add_argument("source", type=Path, nargs="+", help="index files; folder of videos")
     parser.add_argument("--half", default="", help="development or published; all if not given")
     parser.add_argument("--data", type=Path, help="folder with assets.json; else generated objects")
@@ -380,7 +403,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="file of the results; default: in the folder")
     parser.add_argument("--no-checks", dest="checks", action="store_false", help="no check-asset")
     args = parser.parse_args()
-    {"observe": observe, "render": render, "make": make}[args.step](args)
+    steps = {"observe": observe, "render": render, "make": make, "confidence": confidence}
+    steps[args.step](args)
 
 
 if __name__ == "__main__":

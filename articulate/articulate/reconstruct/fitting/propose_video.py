@@ -37,13 +37,15 @@ from articulate.reconstruct.recognition.categories import category_probabilities
 from articulate.render.image import png
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
+from articulate.transforms import Array
 
-MOST_CATEGORIES = 6
+MOST_CATEGORIES = 5
 """Categories that are fitted."""
-LEAST_CATEGORY = 0.02
+LEAST_CATEGORY = 0.03
 """Probability of a category over that of the most probable one below which it is not fitted."""
-COST_SCALE = 0.025
-"""Error of the motion that makes a joint less probable by a factor of e."""
+COST_SCALE, CATEGORY_COST_SCALE = 0.025, 0.06
+"""Error of the motion that makes a joint of a category, and the category, less probable by a factor
+of e."""
 SHARE_WEIGHT = 0.5
 """Weight of the probability of a part among those of its category."""
 OPEN_SCALE = 0.5
@@ -75,7 +77,7 @@ class _Candidate:
     joint: JointMotion
     match: MotionMatch
     score: float
-    """Logarithm of the probability, up to a constant."""
+    """Logarithm of the probability among those of its category, up to a constant."""
 
     @property
     def answer(self) -> tuple[str, str, tuple[float, ...]]:
@@ -108,12 +110,11 @@ def propose_from_video(
         candidate
         for category in _categories(probabilities)
         for k, view in enumerate(views)
-        for candidate in _candidates(
-            k, view, masks[k], category, probabilities[category], p_revolute, height_m
-        )
+        for candidate in _candidates(k, view, masks[k], category, p_revolute, height_m)
     ]
-    best = max(candidates, key=lambda one: one.score)
-    scores = np.exp([one.score - best.score for one in candidates])
+    logs = _with_categories(candidates, probabilities)
+    best = candidates[int(np.argmax(logs))]
+    scores = np.exp(logs - logs.max())
     same = np.array([one.answer == best.answer for one in candidates])
     named = np.array([one.category == best.category for one in candidates])
     known = MotionEvidence(
@@ -173,12 +174,24 @@ def _share(probabilities: Mapping[str, float], candidates: Sequence[_Candidate])
     return sum(probabilities[name] for name in sorted({one.category for one in candidates}))
 
 
+def _with_categories(candidates: Sequence[_Candidate], probabilities: Mapping[str, float]) -> Array:
+    """Return the logarithm of the probability of each candidate (N,), up to a constant."""
+    out = np.array([one.score for one in candidates])
+    names = np.array([one.category for one in candidates])
+    for name in sorted(set(names)):
+        same = np.flatnonzero(names == name)
+        best = same[int(np.argmax(out[same]))]
+        cost = candidates[best].match.cost
+        level = np.log(max(probabilities[name], 1e-9)) - cost / CATEGORY_COST_SCALE
+        out[same] += level - out[best]
+    return out
+
+
 def _candidates(
     number: int,
     view: VideoView,
     mask: NDArray[np.bool_],
     category: str,
-    probability: float,
     p_revolute: float,
     height_m: float | None,
 ) -> list[_Candidate]:
@@ -192,8 +205,7 @@ def _candidates(
         slides = joint.kind == "prismatic"
         opened = abs(float(match.positions[view.key]) - joint.fitted) / joint.span
         score = (
-            np.log(max(probability, 1e-9))
-            + SHARE_WEIGHT * np.log(max(operated.share, 1e-9))
+            SHARE_WEIGHT * np.log(max(operated.share, 1e-9))
             + np.log(max(1.0 - p_revolute if slides else p_revolute, 1e-3))
             - match.cost / COST_SCALE
             - opened / OPEN_SCALE
