@@ -8,7 +8,8 @@ python benchmarks/scans.py --shells 10 --half development
 ``--kitchen`` is the folder of kitchen-assets-cc-by; ``--shells`` fuses depth images of procedural
 objects to closed surfaces, seeds from 0 for development and from 1000 to publish. Each object is
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
-``--make`` also writes and checks the asset.
+``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
+``--video`` a rendered video, by an unknown camera, in which one joint is operated.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +30,23 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
+from articulate.benchmark.operated_joint import Conditions
+from articulate.benchmark.rendered_video import render_operated
 from articulate.benchmark.split import half
 from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
 from articulate.errors import UsageError
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import ProceduralLibrary
 from articulate.reconstruct.actors.protocol import PredictedJoint
+from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest
-from articulate.reconstruct.scan.make_scan import find_parts, make_scan
+from articulate.reconstruct.scan.make_scan import find_parts, make_scan, scan_parts
+from articulate.reconstruct.scan.masks import read_masks, skin
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
+from articulate.reconstruct.scan.scan_parts import names_of
+from articulate.reconstruct.scan.view_parts import add_view
 from articulate.transforms import Array, Ints
 from scan_shells import fused_shell, nearest_part
 
@@ -56,6 +63,8 @@ SHELLS = (
 )
 """Categories of the closed shells."""
 FIRST_PUBLISHED_SEED = 1000
+HOW = Conditions(arm=1.0 / 3.0, person=0.0, tripod=0.0, other_joint=0.0, entire=True)
+"""Conditions of the videos: the camera of rendered photos, hand-held, an arm in a third."""
 CLASSES = {"revolute": "turn", "continuous": "turn", "prismatic": "slide"}
 
 
@@ -223,9 +232,18 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     path = folder / f"{truth.object_id.replace('/', '_')}.glb"
     write(merged.mesh, path)
     hints = ScanHints(text=truth.category if args.text else "")
+    if args.masks:
+        hints = replace(hints, masks=write_masks(merged, truth, folder / "masks.npz"))
+    if args.video:
+        hints = replace(hints, view=operated_video(truth))
     start = time.monotonic()
     scan = read_scan(path, hints)
-    scan, found = find_parts(scan, hints)
+    if args.masks:
+        found = masked_parts(scan, path, hints)
+    else:
+        scan, found = find_parts(scan, hints)
+    if hints.view is not None:
+        found = list(add_view(scan.mesh, found, hints.view, smooth=scan.smooth).parts)
     row = {"id": truth.object_id, "category": truth.category, "faces": len(merged.mesh.faces)}
     row |= score(merged, truth, scan, found)
     row["kinds"] = [proposal.kind for proposal in found]
@@ -240,6 +258,38 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
             row["verdict"], row["reasons"] = "no parts", [str(error)]
         row["seconds"] = round(time.monotonic() - start, 2)
     return row
+
+
+def operated_video(truth: TrueObject) -> Query | None:
+    """Return a video in which one joint is operated; None if no camera shows it well."""
+    found = render_operated(truth, 0, conditions=HOW)
+    if found is None:
+        return None
+    video = found.video
+    return Query(
+        modality="video", description="the video", video=video.frames, times_s=video.times_s
+    )
+
+
+def write_masks(merged: Merged, truth: TrueObject, path: Path) -> Path:
+    """Write the true part of each triangle, named as in the source."""
+    names = [truth.labels.get(joint.joint.part, joint.joint.part) for joint in truth.joints]
+    np.savez(path, labels=merged.part + 1, names=np.array(names or ["part"]))
+    return path
+
+
+def masked_parts(scan: Scan, path: Path, hints: ScanHints) -> list[PartProposal]:
+    """Return the joints that were found for masks, with the faces of their parts."""
+    assert hints.masks is not None
+    named = read_masks(hints.masks, scan, path)
+    joints = {joint.part: joint for joint in scan_parts(scan, path, hints).joints}
+    names = names_of([name for name, _ in named])
+    found = [(joints.get(name), faces) for name, (_, faces) in zip(names, named, strict=True)]
+    return [
+        skin(scan.mesh, faces, joint)
+        for joint, faces in found
+        if joint is not None and joint.kind != "fixed"
+    ]
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -283,6 +333,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--limit", type=int, default=60, help="number of objects")
     parser.add_argument("--skip", type=int, default=0, help="objects to leave out at the start")
     parser.add_argument("--text", action="store_true", help="give the category as text")
+    parser.add_argument("--video", action="store_true", help="give a video of one joint")
+    parser.add_argument("--masks", action="store_true", help="give the true parts as masks")
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)

@@ -56,7 +56,7 @@ class MakeFlags:
     are the parts."""
     scan: Path | None = None
     """Mesh of an entire object, e.g. a GLB from a scanner or generator, whose parts are found;
-    --text helps to find them."""
+    --text, --image and --video of the object, closed at first, help to find them."""
     masks: Path | None = None
     """File with the part of each triangle of --scan: .npz with labels (0 for the body) and names,
     or .json."""
@@ -151,8 +151,6 @@ class MakeFlags:
     def _check_scan(self) -> None:
         """Check the flags for an object from one mesh."""
         for flag, is_set in (
-            ("--video", self.video is not None),
-            ("--image", self.image is not None),
             ("--parts", self.parts is not None),
             ("--library", self.library is not None),
             ("--actor", self.actor != "auto"),
@@ -164,6 +162,8 @@ class MakeFlags:
         ):
             if is_set:
                 raise ConfigError(f"--scan and {flag} are given; omit one of them")
+        if self.masks is not None and (self.video is not None or self.image is not None):
+            raise ConfigError("--masks and a video or image are given; omit one of them")
 
     def _check_without_parts(self) -> None:
         """Check the flags for an object that is generated."""
@@ -284,6 +284,7 @@ def _scan(flags: MakeFlags, path: Path) -> MakeResult:
         text="" if flags.text is None else text_query(flags.text).text,
         height_m=flags.size,
         masks=flags.masks,
+        view=None if flags.video is None and flags.image is None else _query(flags),
     )
     with cache_in_use(cache):
         return make_scan(path, request, hints)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from articulate.reconstruct.actors.protocol import JointKind
 from articulate.reconstruct.scan.frames import grown, joined_frames
 from articulate.reconstruct.scan.panels import THIN, Handle, Panel, find_panels
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
@@ -64,10 +65,14 @@ class Front:
 
 def find_fronts(parts: Segmentation) -> tuple[list[Front], bool]:
     """Return the fronts that move, and whether handles or trays show that they do."""
+    return _moving(parts, all_fronts(parts))
+
+
+def all_fronts(parts: Segmentation) -> list[Front]:
+    """Return the front panels with the trays behind them, whether they move or not."""
     levels = (parts.shells, parts.coloured, parts.facets)
     panels = joined_frames(parts, find_panels(parts.mesh, levels, parts.view))
-    fronts = [_front(parts, panel) for panel in panels]
-    return _moving(parts, fronts)
+    return [front_of(parts, panel) for panel in panels]
 
 
 def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartProposal]:
@@ -90,7 +95,8 @@ def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartPropos
     return found
 
 
-def _front(parts: Segmentation, panel: Panel) -> Front:
+def front_of(parts: Segmentation, panel: Panel) -> Front:
+    """Return a panel with its boards, its handle and the trays behind it."""
     panel = _with_backing(parts, panel)
     panel = replace(panel, board=_is_board(parts, panel))
     trays = trays_behind(parts, panel)
@@ -206,7 +212,7 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
     panels = [grown(parts, front.panel) for front in large]
     largest = max(panels, key=lambda panel: panel.area, default=None)
     same = [panel for panel in panels if largest is not None and _congruent(panel, largest)]
-    return [_front(parts, panel) for panel in same], False
+    return [front_of(parts, panel) for panel in same], False
 
 
 def _is_leg(parts: Segmentation, front: Front) -> bool:
@@ -239,6 +245,42 @@ def _congruent(one: Panel, other: Panel) -> bool:
 
 
 def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> PartProposal:
+    panel, base = front.panel, _base(parts, front)
+    if len(front.tray):
+        return _drawer(parts, base, front, "a tray behind the front")
+    wide = panel.size[1] < WIDE * panel.size[0]
+    centred = _is_centred(front)
+    if centred and wide and not _has_neighbour(parts, front, others):
+        return _drawer(parts, base, front, "a wide front with a centred handle")
+    if centred and _is_flap(front) and not _has_neighbour(parts, front, others):
+        return _flap(base, front)
+    return _door(parts, base, front, others)
+
+
+def moved_front(
+    parts: Segmentation, front: Front, joint: JointKind, side: str, reason: str
+) -> PartProposal:
+    """Propose a front whose joint is known.
+
+    Args:
+        parts: The object; its front is +x.
+        front: The front.
+        joint: ``prismatic`` for a drawer, otherwise a door or flap.
+        side: Edge of the hinge seen from the front: left, right, top or bottom; empty if unknown.
+        reason: The evidence.
+    """
+    base, panel = _base(parts, front), front.panel
+    if joint == "prismatic":
+        return _drawer(parts, base, front, reason)
+    if side in {"top", "bottom"}:
+        return _turned_flap(base, panel, above=side == "top", reason=reason)
+    if side in {"left", "right"}:
+        return _turned_door(base, panel, left=side == "left", reason=reason)
+    return replace(_door(parts, base, front, []), evidence=(reason,))
+
+
+def _base(parts: Segmentation, front: Front) -> PartProposal:
+    """Return a front as a door whose hinge is not chosen."""
     panel = front.panel
     reach = max([handle.height for handle in panel.handles], default=0.0)
     y0, z0, y1, z1 = panel.rect
@@ -249,7 +291,7 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
     behind = parts.mesh.triangles[attached].max(axis=1)[:, 0] < panel.back + parts.near
     attached = attached[~(behind & (parts.mesh.normals[attached, 0] > 0.9))]
     faces = np.unique(np.concatenate([panel.own, attached, front.tray, _leaf(parts, panel)]))
-    base = PartProposal(
+    return PartProposal(
         kind="door",
         faces=faces,
         joint="revolute",
@@ -261,15 +303,6 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
         front=panel.front,
         protrusions=len(panel.handles),
     )
-    if len(front.tray):
-        return _drawer(parts, base, front, "a tray behind the front")
-    wide = panel.size[1] < WIDE * panel.size[0]
-    centred = _is_centred(front)
-    if centred and wide and not _has_neighbour(parts, front, others):
-        return _drawer(parts, base, front, "a wide front with a centred handle")
-    if centred and _is_flap(front) and not _has_neighbour(parts, front, others):
-        return _flap(base, front)
-    return _door(parts, base, front, others)
 
 
 def _leaf(parts: Segmentation, panel: Panel) -> Ints:
@@ -335,13 +368,18 @@ def _flap(base: PartProposal, front: Front) -> PartProposal:
     """Return a panel that turns about a horizontal edge, away from its handle."""
     panel, handle = front.panel, front.handle
     below = handle is not None and handle.centre[1] < panel.rect[1] + 0.4 * panel.size[1]
-    z = panel.rect[3] if below else panel.rect[1]
+    reason = f"a centred handle at the {'bottom' if below else 'top'}"
+    return _turned_flap(base, panel, above=below, reason=reason)
+
+
+def _turned_flap(base: PartProposal, panel: Panel, *, above: bool, reason: str) -> PartProposal:
+    """Return a panel that turns about its upper or lower edge."""
     return replace(
         base,
         kind="flap",
-        axis=np.array([0.0, -1.0 if below else 1.0, 0.0]),
-        pivot=np.array([panel.back, panel.centre[0], z]),
-        evidence=(f"a centred handle at the {'bottom' if below else 'top'}",),
+        axis=np.array([0.0, -1.0 if above else 1.0, 0.0]),
+        pivot=np.array([panel.back, panel.centre[0], panel.rect[3 if above else 1]]),
+        evidence=(reason,),
         hollow=True,
     )
 
@@ -350,15 +388,17 @@ def _door(
     parts: Segmentation, base: PartProposal, front: Front, others: Sequence[Front]
 ) -> PartProposal:
     """Return a panel that turns about a vertical edge, away from its handle or its partner."""
-    panel = front.panel
-    left, evidence, confidence = _hinge_side(parts, front, others)
-    y = panel.rect[0] if left else panel.rect[2]
+    left, reason, confidence = _hinge_side(parts, front, others)
+    return replace(_turned_door(base, front.panel, left=left, reason=reason), confidence=confidence)
+
+
+def _turned_door(base: PartProposal, panel: Panel, *, left: bool, reason: str) -> PartProposal:
+    """Return a panel that turns about its edge at the smaller or larger y."""
     return replace(
         base,
         axis=np.array([0.0, 0.0, -1.0 if left else 1.0]),
-        pivot=np.array([panel.back, y, panel.centre[1]]),
-        evidence=(evidence,),
-        confidence=confidence,
+        pivot=np.array([panel.back, panel.rect[0 if left else 2], panel.centre[1]]),
+        evidence=(reason,),
         hollow=True,
     )
 

@@ -23,8 +23,8 @@ from articulate.reconstruct.make import PredictionSource, make_predicted
 from articulate.reconstruct.part_set import Front, PartSet
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest, MakeResult
-from articulate.reconstruct.scan.cavity import build_parts
-from articulate.reconstruct.scan.masks import read_masks
+from articulate.reconstruct.scan.cavity import Built, build_parts
+from articulate.reconstruct.scan.masks import read_masks, skin
 from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
 from articulate.reconstruct.scan.propose import FoundParts, calibrated, propose_parts, rated
 from articulate.reconstruct.scan.read_scan import (
@@ -37,8 +37,16 @@ from articulate.reconstruct.scan.read_scan import (
     turned,
 )
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
-from articulate.reconstruct.scan.scan_parts import BODY, distinct_names, parents_of, part_set_of
+from articulate.reconstruct.scan.scan_parts import (
+    BODY,
+    distinct_names,
+    names_of,
+    parents_of,
+    part_set_of,
+    simplified,
+)
 from articulate.reconstruct.scan.sweep import with_free_joints
+from articulate.reconstruct.scan.view_parts import SEEN, add_view
 from articulate.reconstruct.text.counts import counts_in
 from articulate.render.camera import front_camera
 from articulate.transforms import Ints
@@ -47,10 +55,11 @@ ACTOR = "scan"
 LEAST_CONFIDENCE = 0.65
 """Parts with a lower confidence make the result doubtful."""
 CERTAIN, BETTER = 0.6, 0.1
-"""A front whose surest part has the first confidence is taken; others must be better by the
+"""A front whose surest part has the first confidence is covered; others must be better by the
 second."""
 TOY_M = 0.25
 """An object of unknown category with doors or drawers is not smaller [m]."""
+MASKS = "masks"
 MIN_NAMED = 2
 """Fewest named meshes of a file whose names are used."""
 
@@ -100,7 +109,7 @@ def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
         UsageError: No part is found that can move.
     """
     if hints.masks is not None:
-        return _named_parts(scan, read_masks(hints.masks, scan, path), "masks", path)
+        return _named_parts(scan, read_masks(hints.masks, scan, path), MASKS, path)
     named = [(name, faces) for name, faces in groups_by_name(scan.mesh) if len(faces)]
     if len(named) >= MIN_NAMED:
         found = _named_parts(scan, named, "names of the file", path)
@@ -112,6 +121,10 @@ def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
 def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
     """Find the parts on the surface of the mesh."""
     scan, proposals = find_parts(scan, hints)
+    view = None
+    if hints.view is not None:
+        view = add_view(scan.mesh, proposals, hints.view, smooth=scan.smooth)
+        proposals = list(view.parts)
     if not proposals:
         raise UsageError(
             f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
@@ -136,14 +149,26 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
         for name, proposal in zip(names, proposals, strict=True)
         if proposal.confidence < LEAST_CONFIDENCE
     ]
-    if scan.smooth and not any(proposal.kind == "screen" for proposal in proposals):
+    sure = any(p.kind == "screen" or p.evidence[:1] == (SEEN,) for p in proposals)
+    if scan.smooth and not sure:
         doubts.append("the mesh is one smooth surface, on which few parts have a border")
     return ScanParts(
-        part_set=part_set_of(scan.name, [built.body, *built.parts], path.name, scan.category),
+        part_set=_part_set(scan, built, path),
         joints=joints,
-        doubts=tuple(doubts),
+        doubts=(*doubts, *(view.doubts if view else ())),
         assumptions=(*scan.assumptions, *built.notes),
-        trace=(TraceStep(title="parts on the surface", text=text),),
+        trace=(
+            *(view.trace if view else ()),
+            TraceStep(title="parts on the surface", text=text),
+        ),
+    )
+
+
+def _part_set(scan: Scan, built: Built, path: Path) -> PartSet:
+    """Return the built parts, with fewer triangles for the dense mesh of a scanner."""
+    meshes = [built.body, *built.parts]
+    return part_set_of(
+        scan.name, simplified(meshes) if scan.smooth else meshes, path.name, scan.category
     )
 
 
@@ -201,11 +226,7 @@ def _named_parts(
     path: Path,
 ) -> ScanParts:
     """Return parts whose names imply their joints."""
-    labels = [name for name, _ in named]
-    names = [
-        name.removesuffix("_1") if labels.count(own) == 1 else name
-        for name, own in zip(distinct_names(labels), labels, strict=True)
-    ]
+    names = names_of([name for name, _ in named])
     rest = np.ones(len(scan.mesh.faces), dtype=bool)
     meshes = []
     for name, (_, faces) in zip(names, named, strict=True):
@@ -225,9 +246,19 @@ def _named_parts(
     prediction = SemanticActor().predict(evidence)
     moving = tuple(joint for joint in prediction.joints if joint.kind != "fixed")
     step = TraceStep(title=f"parts by {origin}", text=", ".join(names))
+    notes: tuple[str, ...] = ()
+    if origin == MASKS:
+        by_name = {joint.part: joint for joint in moving}
+        skins = [
+            skin(scan.mesh, faces, by_name.get(name))
+            for name, (_, faces) in zip(names, named, strict=True)
+        ]
+        built = build_parts(scan.mesh, skins, names, BODY)
+        part_set = _part_set(scan, built, path)
+        notes = built.notes
     return ScanParts(
         part_set=part_set,
         joints=prediction.joints if moving else (),
-        assumptions=scan.assumptions,
+        assumptions=(*scan.assumptions, *notes),
         trace=(step, *prediction.trace),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,11 @@ from scipy.spatial import cKDTree
 from articulate.errors import ConfigError, quote, shorten
 from articulate.formats.mesh_file import load_scene
 from articulate.npz_file import read_npz
+from articulate.reconstruct.actors.protocol import PredictedJoint
+from articulate.reconstruct.scan.panels import THIN
+from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.read_scan import Scan
+from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.transforms import Array, Ints
 from articulate.untrusted import load_json_object, read_bounded
 
@@ -20,6 +25,9 @@ MAX_BYTES = 50_000_000
 """Largest file of masks."""
 MAX_PARTS = 200
 """Most parts of a file of masks."""
+FACING, OUTSIDE = 0.7, 0.6
+"""Component of a normal to the front, and the share of a part that faces it at least, of parts of
+which only the outer surface is known."""
 
 
 def read_masks(path: Path, scan: Scan, mesh_file: Path) -> list[tuple[str, Ints]]:
@@ -46,6 +54,42 @@ def read_masks(path: Path, scan: Scan, mesh_file: Path) -> list[tuple[str, Ints]
     if not (of_face == 0).any():
         raise ConfigError(f"--masks {shorten(path)}: marks every triangle; leave the body at 0")
     return found
+
+
+def skin(mesh: ScanMesh, faces: Ints, joint: PredictedJoint | None) -> PartProposal:
+    """Return a masked part for the builder of cavities.
+
+    A door or drawer of which the mask covers only the outer surface gets a panel: on a closed
+    shell, nothing is behind it.
+
+    Args:
+        mesh: The object; its front is +x.
+        faces: Faces of the part (K,).
+        joint: Its joint; None for a fixed part.
+    """
+    slides = joint is not None and joint.kind == "prismatic"
+    part = PartProposal(
+        kind="drawer" if slides else "door",
+        faces=faces,
+        joint="fixed" if joint is None else joint.kind,
+        axis=np.array([1.0, 0.0, 0.0] if joint is None else joint.axis_o),
+        pivot=np.zeros(3) if joint is None else np.array(joint.pivot_o),
+        upper=0.0,
+        confidence=1.0,
+    )
+    facing = faces[mesh.normals[faces, 0] > FACING]
+    thick = float(np.ptp(mesh.triangles[faces][..., 0]))
+    if (
+        joint is None
+        or (slides and abs(joint.axis_o[0]) < FACING)
+        or mesh.areas[facing].sum() < OUTSIDE * mesh.areas[faces].sum()
+        or thick > THIN * mesh.size[0]
+    ):
+        return part
+    corners = mesh.triangles[facing].reshape(-1, 3)
+    low, high = corners[:, 1:].min(axis=0), corners[:, 1:].max(axis=0)
+    front = float(np.median(mesh.triangles[facing].mean(axis=1)[:, 0]))
+    return replace(part, panel=np.concatenate([low, high]), front=front, hollow=True)
 
 
 def _input_centres(path: Path) -> Array:

@@ -26,6 +26,7 @@ UNSURE = 0.45
 
 
 PRECISION: Mapping[str, float] = {
+    "it moves in the video": 0.9,
     "a tray behind the front": 0.9,
     "an arch from one side of a round body to the other": 0.9,
     "a centred part above a round body": 0.6,

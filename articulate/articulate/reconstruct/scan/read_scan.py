@@ -17,6 +17,7 @@ from articulate.errors import AssetError, shorten
 from articulate.formats.load_meshes import GREY
 from articulate.formats.mesh_file import FORMATS, MAX_BYTES, READ_BYTES
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
+from articulate.reconstruct.query import Query
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.reconstruct.vertex_colours import groups_of
 from articulate.transforms import Array, Ints
@@ -60,8 +61,8 @@ class ScanHints:
     """Height [m]; None: as in the file, or usual for the category."""
     masks: Path | None = None
     """File with a part for each face; None: the parts are found."""
-    moving: Ints | None = None
-    """Faces of the input that move in a video (K,); None without a video."""
+    view: Query | None = None
+    """Video that begins or ends with the object closed, or image of the closed object."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

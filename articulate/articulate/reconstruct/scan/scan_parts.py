@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
+import fast_simplification
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 
 from articulate.formats.load_meshes import Piece
 from articulate.formats.part_names import plain_label
@@ -16,6 +18,10 @@ from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.render.parts import PartMesh
 
 BODY = "body"
+MOST_FACES, FEWEST_FACES = 12_000, 200
+"""Triangles of all parts of a dense scan, and of each part, after they are simplified."""
+AGGRESSION = 3.0
+"""Speed of the simplification: 7 is fast, 0 keeps all details."""
 MAX_COLOURS = 12
 """Most colours of a part; more are averaged."""
 
@@ -29,6 +35,14 @@ def distinct_names(kinds: Sequence[str]) -> list[str]:
         seen[stem] = seen.get(stem, 0) + 1
         names.append(f"{stem}_{seen[stem]}")
     return names
+
+
+def names_of(labels: Sequence[str]) -> list[str]:
+    """Return a distinct name for each label: ``lid``, ``door_1``, ``door_2``."""
+    return [
+        name.removesuffix("_1") if labels.count(label) == 1 else name
+        for name, label in zip(distinct_names(labels), labels, strict=True)
+    ]
 
 
 def part_set_of(
@@ -51,6 +65,30 @@ def part_set_of(
         category=category,
         source=source,
     )
+
+
+def simplified(meshes: Sequence[PartMesh]) -> list[PartMesh]:
+    """Return the parts of a dense scan with fewer triangles, ``MOST_FACES`` in all.
+
+    Quadric error metrics decide which edges are collapsed.
+    """
+    keep = MOST_FACES / max(sum(len(mesh.faces) for mesh in meshes), 1)
+    return [_simplified(mesh, keep) if keep < 1.0 else mesh for mesh in meshes]
+
+
+def _simplified(mesh: PartMesh, keep: float) -> PartMesh:
+    count = max(FEWEST_FACES, round(keep * len(mesh.faces)))
+    if len(mesh.faces) <= count:
+        return mesh
+    vertices, faces = fast_simplification.simplify(
+        mesh.vertices.astype(np.float32),
+        mesh.faces.astype(np.int32),
+        target_count=count,
+        agg=AGGRESSION,
+    )
+    vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64)
+    near = cKDTree(mesh.vertices[mesh.faces].mean(axis=1)).query(vertices[faces].mean(axis=1))[1]
+    return PartMesh(name=mesh.name, vertices=vertices, faces=faces, rgb=mesh.rgb[near])
 
 
 def parents_of(proposals: Sequence[PartProposal], names: Sequence[str]) -> Mapping[str, str]:
