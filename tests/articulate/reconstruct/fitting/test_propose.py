@@ -15,7 +15,7 @@ from articulate.benchmark.rendered_photo import RenderedPhoto, render_photo
 from articulate.commands import main
 from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
-from articulate.library.procedural.front_layout import FrontLayout, grid
+from articulate.library.procedural.front_layout import FrontLayout, HingeSide, grid
 from articulate.library.procedural.materials import PALETTE
 from articulate.reconstruct.fitting import box_fit, object_front, propose_video
 from articulate.reconstruct.fitting import propose as module
@@ -112,7 +112,7 @@ def test_height_scales_the_object(monkeypatch: pytest.MonkeyPatch, photo: Render
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
-    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, hinge: str
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, hinge: HingeSide
 ) -> None:
     named(monkeypatch, photo, "StorageFurniture")
     panels = list(grid(2, 2, "drawer"))
