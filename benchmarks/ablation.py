@@ -65,7 +65,7 @@ def evaluate_last(trained: Path, folder: Path, seed: int) -> None:
 def measure(out: Path, asset: Path, task: str, seed: int, steps: int) -> dict[str, Any]:
     """Return the success of each row for one object and seed; run what is missing."""
     common = ["--asset", str(asset), "--task", task, "--seeds", str(seed), "--jobs", "1"]
-    common += ["--steps", str(steps), "--episodes", "500", "--force"]
+    common += ["--steps", str(steps), "--episodes", "500", "--force", "--from-scratch"]
     folders = {row: out / f"{task}-{k}-seed-{seed}" for k, row in enumerate(ROWS)}
     for row, extra in TRAININGS.items():
         if success(folders[row]) is None:

@@ -44,6 +44,7 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
         "seeds": (0,),
         "steps": 32 * updates,
         "ensemble_size": 1,
+        "initial_policy": "random",
         "jobs": 1,
         "checkpoint_updates": 2,
         "episodes": 4,

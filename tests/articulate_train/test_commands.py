@@ -20,6 +20,7 @@ ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net_arch: [8, 8]}
 randomization: {scales: 3}
 initial_states: {n_precomputed: 16}
 checkpoint_selection: {n_checkpoints: 1, member_episodes: 0}
+initial_policy: random
 ensemble_size: 1
 seeds: [0]
 steps: 64

@@ -46,7 +46,10 @@ def test_members_that_would_only_imitate_are_rejected():
     assert TrainConfig(asset="cabinet.urdf", ensemble_size=9).ensemble_size == 9
     assert (
         TrainConfig(
-            asset="cabinet.urdf", ensemble_size=1, imitation=ImitationConfig(until=1.0)
+            asset="cabinet.urdf",
+            ensemble_size=1,
+            imitation=ImitationConfig(until=1.0),
+            initial_policy="random",
         ).ensemble_size
         == 1
     )

@@ -81,6 +81,7 @@ def test_train_dry_run_trains_nothing(cabinet, tmp_path, monkeypatch, capsys):
     (tmp_path / "tiny.yaml").write_text(
         "ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net_arch: [8, 8]}\n"
         "randomization: {scales: 3}\ninitial_states: {n_precomputed: 16}\nseeds: [0]\nsteps: 64\n"
+        "initial_policy: random\n"
     )
     argv = ["train", "--asset", str(cabinet.folder), "--config", "tiny.yaml", "--dry-run"]
     assert main([*argv, "--json"]) == 0

@@ -17,7 +17,8 @@ from articulate.errors import ConfigError
 from articulate.files import sha256
 from articulate.task.observation import OBSERVATION
 from articulate_train import generalist
-from articulate_train.config import TrainConfig
+from articulate_train.commands.train import TrainFlags
+from articulate_train.config import ImitationConfig, TrainConfig
 from articulate_train.generalist import (
     METADATA,
     WEIGHTS,
@@ -101,8 +102,9 @@ def test_a_training_begins_with_the_same_actions(scene, config):
 
 
 def test_a_training_from_the_policy_has_the_configuration_of_fine_tuning(config):
-    assert config.effective() is config
-    start = replace(config, initial_policy="generalist", steps=300_000)
+    random = replace(config, initial_policy="random")
+    assert random.effective() is random
+    start = replace(config, steps=300_000)
     found, own = start.effective(), start.fine_tuning
     assert found.imitation.until * 300_000 == pytest.approx(own.imitation_steps)
     assert (found.imitation.expert_until, found.imitation.aggregate) == (0.0, True)
@@ -114,6 +116,20 @@ def test_a_training_from_the_policy_has_the_configuration_of_fine_tuning(config)
     )  # fmt: skip
     short = replace(start, steps=20_000)
     assert short.effective().imitation.until * short.ensemble_size < 1.0
+
+
+def test_tasks_of_which_it_has_no_policy_start_from_random_weights(config):
+    assert config.starts_from_generalist
+    assert not replace(config, task="close_drawer").starts_from_generalist
+    flags = TrainFlags(asset="a", from_scratch=True, imitation=ImitationConfig(until=0.0))
+    assert not flags.config().starts_from_generalist
+
+
+def test_values_that_a_training_from_it_does_not_use_are_rejected(error_line):
+    error_line(
+        "TrainFlags(imitation=ImitationConfig(until=0.0))",
+        lambda: TrainFlags(asset="a", imitation=ImitationConfig(until=0.0)),
+    )
 
 
 def test_closing_tasks_are_rejected(scene):

@@ -25,7 +25,12 @@ RANGES = dataclasses.replace(RandomizationConfig(), scales=3)
 
 def config_of(asset, **changes):
     return TrainConfig(
-        asset=str(asset.folder), randomization=RANGES, ppo=TINY_PPO, steps=64, **changes
+        asset=str(asset.folder),
+        randomization=RANGES,
+        ppo=TINY_PPO,
+        steps=64,
+        initial_policy="random",
+        **changes,
     )
 
 
@@ -259,7 +264,9 @@ def test_disk_that_a_run_takes_is_no_less_than_it_was_measured_to(
         PpoConfig(net_arch=net, n_envs=envs),
         CheckpointSelectionConfig(n_checkpoints=states),
     )
-    config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, checkpoint_selection=select)
+    config = TrainConfig(
+        asset="a", seeds=(0,), ppo=ppo, checkpoint_selection=select, initial_policy="random"
+    )
     two = dataclasses.replace(config, seeds=(0, 1))
     assert seed_mb < (run_bytes(two, cabinet) - run_bytes(config, cabinet)) / 1e6 < 1.5 * seed_mb
 

@@ -120,6 +120,7 @@ def tiny(asset):
         steps=64,
         jobs=1,
         episodes=2,
+        initial_policy="random",
         ppo=PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=1, net_arch=(8, 8)),
     )
 

@@ -26,6 +26,8 @@ from articulate_envs.rewards import RewardConfig
 if TYPE_CHECKING:
     from articulate.task.task import Task
 
+GENERALIST_TASKS = ("open_drawer", "open_door", "open_lid")
+"""Tasks that the generalist policy was trained for."""
 SEEDS = 2**32
 """Upper bound of seeds, that of numpy's legacy generator, which Stable-Baselines3 seeds."""
 
@@ -295,8 +297,9 @@ class CheckpointSelectionConfig:
 class FineTuningConfig:
     """Training that starts from the generalist policy.
 
-    The values replace those of ``imitation``, ``ppo`` and ``initial_states``. The policy explores
-    little, and imitation on its own states fits the value function before PPO begins.
+    The values replace those of ``imitation``, ``ppo`` and ``initial_states``, which apply to
+    ``initial_policy: random``. The policy explores little, and imitation on its own states fits the
+    value function before PPO begins.
     """
 
     imitation_steps: int = 90_000
@@ -370,9 +373,9 @@ class TrainConfig:
     steps of the seed: each of two members ends half-way along them."""
     jobs: int = 0
     """Number of seeds trained in parallel; 0 means one for each processor."""
-    initial_policy: Literal["random", "generalist"] = "random"
-    """Initial weights of the policies: random, or those of the generalist policy of the package
-    (open_drawer, open_door, open_lid), whose hidden layers replace ppo.net_arch."""
+    initial_policy: Annotated[Literal["generalist", "random"], ADVANCED] = "generalist"
+    """Initial weights of the policies: those of the generalist policy of the package, or random.
+    Tasks other than open_drawer, open_door and open_lid always start from random weights."""
     checkpoint_updates: Annotated[int, ADVANCED] = 20
     """Updates between checkpoints."""
     episodes: int = 200
@@ -409,9 +412,14 @@ class TrainConfig:
         """Control steps of each ensemble member, rounded up."""
         return -(-self.steps // self.ensemble_size)
 
+    @property
+    def starts_from_generalist(self) -> bool:
+        """True if the initial weights are those of the generalist policy."""
+        return self.initial_policy == "generalist" and self.task in GENERALIST_TASKS
+
     def effective(self) -> TrainConfig:
         """Return the configuration with the values of ``fine_tuning`` where these apply."""
-        if self.initial_policy == "random":
+        if not self.starts_from_generalist:
             return self
         own = self.fine_tuning
         return replace(
@@ -465,3 +473,17 @@ class TrainConfig:
                 f"steps is {self.steps}; it must be at least {least}, one update{each}"
             )
         check_least(0, {"jobs": self.jobs, "evaluation_seed": self.evaluation_seed})
+
+
+REPLACED = (
+    "imitation.until",
+    "imitation.expert_until",
+    "imitation.learning_rate",
+    "imitation.aggregate",
+    "ppo.net_arch",
+    "ppo.learning_rate",
+    "ppo.log_std_init",
+    "initial_states.share_first",
+    "initial_states.share_last",
+)
+"""Keys that do not apply to training from the generalist policy."""

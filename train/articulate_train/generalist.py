@@ -23,7 +23,7 @@ from articulate.task.observation import OBSERVATION
 from articulate.transforms import Array
 from articulate.untrusted import read_bounded
 from articulate_envs.scene import Scene
-from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.config import GENERALIST_TASKS, PpoConfig, TrainConfig
 from articulate_train.policy import POLICY, Network, write_state
 from articulate_train.run import DONE, Run, create_run
 
@@ -35,8 +35,6 @@ WEIGHTS, METADATA = "generalist.npz", "generalist.json"
 """Files beside this module."""
 MAX_BYTES = 2_000_000
 """Largest file of weights."""
-TASKS = ("open_drawer", "open_door", "open_lid")
-"""Tasks that the policy was trained for."""
 
 
 def write_weights(path: Path, network: Network) -> None:
@@ -97,8 +95,9 @@ def generalist_metadata() -> dict[str, Any]:
 
 def check_task(task: str) -> None:
     """Raise ConfigError if the policy was not trained for ``task``."""
-    if task not in TASKS:
-        raise ConfigError(f"the generalist policy has no task {task}; it has: {', '.join(TASKS)}")
+    if task not in GENERALIST_TASKS:
+        known = ", ".join(GENERALIST_TASKS)
+        raise ConfigError(f"the generalist policy has no task {task}; it has: {known}")
 
 
 def with_layers(config: PpoConfig, state: dict[str, Any]) -> PpoConfig:

@@ -45,7 +45,7 @@ class Learner:
         path_m = scene.asset.handle_travel(scene.task.joint)
         self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
         start = None
-        if config.initial_policy == "generalist":
+        if config.starts_from_generalist:
             start = generalist_state(config, scene)
         self.ppo = config.ppo if start is None else with_layers(config.ppo, start)
         ppo = self.ppo

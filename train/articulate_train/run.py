@@ -242,7 +242,7 @@ def _member_bytes(config: TrainConfig) -> int:
     sizes = (MAX_INPUTS, *config.ppo.net_arch, ACTION.size)
     weights = 8 * sum((a + 1) * b for a, b in pairwise(sizes))  # actor and critic of 4 bytes
     checkpoint = 3 * weights + config.ppo.n_envs * ENV_BYTES  # with the two moments of Adam
-    if config.initial_policy == "generalist":
+    if config.starts_from_generalist:
         samples = min(config.fine_tuning.imitation_steps, config.steps)
         checkpoint += 4 * samples * (MAX_INPUTS + ACTION.size)
     return config.checkpoint_selection.n_checkpoints * weights + 2 * checkpoint

@@ -92,7 +92,7 @@ class SeedProcess:
             content = read_checkpoint(self.folder)
             with reject_other_versions(self.folder / CHECKPOINT):
                 self.ensemble.restore(content)
-        elif selects and run.config.initial_policy == "generalist":
+        elif selects and run.config.starts_from_generalist:
             keep_candidate(self.folder, self.ensemble.policy_state())
         self._updates = self.ensemble.updates
         if selects and (self.folder / POLICY).exists():

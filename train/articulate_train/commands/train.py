@@ -17,7 +17,7 @@ from articulate.commands.success import MISSED, check_share, missed
 from articulate.errors import ConfigError, RunError
 from articulate_train.asset_patterns import is_many
 from articulate_train.commands.listing import requests_list, show_list
-from articulate_train.config import TrainConfig
+from articulate_train.config import REPLACED, TrainConfig
 
 if TYPE_CHECKING:
     from articulate_envs.scene import Scene
@@ -39,6 +39,8 @@ class TrainFlags(TrainConfig):
     """List the tasks and exit."""
     list_joints: str | None = None
     """List the joints of this object, their matching tasks and feasibility, and exit."""
+    from_scratch: bool = False
+    """Start from random weights instead of the generalist policy."""
     out: Path | None = None
     """Run folder; by default runs/<asset>-<task>-<time>."""
     resume: bool = False
@@ -58,10 +60,26 @@ class TrainFlags(TrainConfig):
     """Print only the report, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
+        if self.from_scratch:
+            object.__setattr__(self, "initial_policy", "random")
         super().__post_init__()
+        self._check_replaced()
         check_share(self.require_success)
         if self.dry_run and self.resume:
             raise ConfigError("--dry-run is for new runs; omit it or --resume")
+
+    def _check_replaced(self) -> None:
+        """Reject values that training from the generalist policy would not use."""
+        if not self.starts_from_generalist:
+            return
+        for key in REPLACED:
+            section, _, name = key.partition(".")
+            own = getattr(self, section)
+            if getattr(own, name) != getattr(type(own)(), name):
+                raise ConfigError(
+                    f"{key} is for training from random weights; add --from-scratch, "
+                    "or set the keys of fine_tuning"
+                )
 
     def config(self) -> TrainConfig:
         """Return the configuration that the run folder keeps."""
