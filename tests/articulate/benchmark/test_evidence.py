@@ -249,8 +249,10 @@ def test_images_are_closed_if_wanted_and_where_parts_are_to_be_placed(subject):
     at_rest = PartScene(subject.parts).render_image(front_camera(160, 120))
     for changes in ({"image_state": "closed"}, {"task": "placement"}):
         case = next(iter(cases_of(subject, settings(modality="image", **changes))))
+        assert case.evidence.image is not None
         assert np.array_equal(case.evidence.image, at_rest)
     case = next(iter(cases_of(subject, settings(modality="image"))))
+    assert case.evidence.image is not None
     assert not np.array_equal(case.evidence.image, at_rest)
 
 
