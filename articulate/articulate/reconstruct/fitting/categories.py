@@ -85,6 +85,8 @@ WORKTOP_M = 0.018
 """Thickness of the worktop of furniture [m]."""
 CONTROLS = (0.84, 0.95)
 """Lowest and highest edge of a control panel above a door, as a share of the front."""
+PLINTH_M, COOKTOP_M = 0.05, 0.02
+"""Height of the plinth and thickness of the worktop of an appliance [m]."""
 LOW_DRAWER = 0.35
 """Highest edge of a drawer below a door, as a share of the front."""
 
@@ -245,7 +247,8 @@ def _front_loader(
 ) -> FrontLayout:
     """Return an appliance whose door falls open, below a band of controls."""
     top = float(np.clip(max((part.top for part in front.parts), default=0.87), *CONTROLS))
-    below = [part.top for part in front.parts if part.top < LOW_DRAWER]
+    least = 1.05 * MIN_FRONT_M / (sizes["height_m"] - PLINTH_M - COOKTOP_M)
+    below = [part.top for part in front.parts if least < part.top < LOW_DRAWER]
     low = max(below) if below and category == "Oven" else 0.0
     panels = [
         FrontPanel(kind="panel", left=0.0, right=1.0, bottom=top, top=1.0),
@@ -261,8 +264,8 @@ def _front_loader(
         depth_m=round(sizes["depth_m"], 3),
         height_m=sizes["height_m"],
         base="plinth",
-        base_m=0.05,
-        worktop_m=0.02,
+        base_m=PLINTH_M,
+        worktop_m=COOKTOP_M,
         board_m=0.03,
         handle_m=0.45,
         name=name,
