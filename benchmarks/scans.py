@@ -9,7 +9,7 @@ python benchmarks/scans.py --shells 10 --half development
 objects to closed surfaces, seeds from 0 for development and from 1000 to publish. Each object is
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
-``--video`` a rendered video, by an unknown camera, in which one joint is operated.
+``--view`` a rendered video, by an unknown camera, in which one joint is operated, or one image.
 """
 
 from __future__ import annotations
@@ -234,8 +234,8 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     hints = ScanHints(text=truth.category if args.text else "")
     if args.masks:
         hints = replace(hints, masks=write_masks(merged, truth, folder / "masks.npz"))
-    if args.video:
-        hints = replace(hints, view=operated_video(truth))
+    if args.view:
+        hints = replace(hints, view=operated_video(truth, entire=args.view == "video"))
     start = time.monotonic()
     scan = read_scan(path, hints)
     if args.masks:
@@ -260,12 +260,18 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     return row
 
 
-def operated_video(truth: TrueObject) -> Query | None:
-    """Return a video in which one joint is operated; None if no camera shows it well."""
+def operated_video(truth: TrueObject, *, entire: bool = True) -> Query | None:
+    """Return a video in which one joint is operated, or only its frame in which it is most closed.
+
+    None if no camera shows it well.
+    """
     found = render_operated(truth, 0, conditions=HOW)
     if found is None:
         return None
     video = found.video
+    if not entire:
+        closed = int(np.argmin(np.abs(found.truth.positions)))
+        return Query(modality="image", description="the image", image=video.frames[closed])
     return Query(
         modality="video", description="the video", video=video.frames, times_s=video.times_s
     )
@@ -333,7 +339,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--limit", type=int, default=60, help="number of objects")
     parser.add_argument("--skip", type=int, default=0, help="objects to leave out at the start")
     parser.add_argument("--text", action="store_true", help="give the category as text")
-    parser.add_argument("--video", action="store_true", help="give a video of one joint")
+    parser.add_argument("--view", choices=("image", "video"), help="show the object")
     parser.add_argument("--masks", action="store_true", help="give the true parts as masks")
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")

@@ -29,7 +29,7 @@ from articulate.reconstruct.scan.panels import Panel, handles_of, overlap
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.registration import Registration, register
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
-from articulate.reconstruct.scan.scan_parts import BODY, distinct_names
+from articulate.reconstruct.scan.scan_parts import BODY, distinct_names, simplified
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.render.image import png
 from articulate.render.raster import Pixels
@@ -81,7 +81,7 @@ def add_view(
     Raises:
         UsageError: No object is found in the image.
     """
-    image, placed, query = _registered(mesh, query)
+    image, placed, query = _registered(_coarse(mesh) if smooth else mesh, query)
     step = _registration_step(mesh, image, placed)
     if placed.overlap < LEAST_OVERLAP:
         doubt = (
@@ -90,10 +90,11 @@ def add_view(
         )
         return ViewParts(parts=tuple(found), doubts=(doubt,), trace=(step,))
     parts = Segmentation(mesh)
-    panels = _further_panels(parts, found)
+    from_image: list[PartProposal] = []
     if smooth or not found:
-        panels += _image_panels(parts, [*found, *panels], image, placed)
-    from_image = [panel for panel in panels if panel.evidence == (IN_IMAGE,)]
+        from_image = _image_panels(parts, image, placed)
+        found = [part for part in found if not _overlaps(part, from_image)]
+    panels = [*from_image, *_further_panels(parts, [*found, *from_image])]
     if query.video is None:
         return ViewParts(parts=(*found, *from_image), doubts=(), trace=(step,))
     candidates = [*found, *panels]
@@ -105,6 +106,17 @@ def add_view(
         if chosen not in kept and moved[1] not in kept:
             kept.append(moved[1])
     return ViewParts(parts=tuple(kept), doubts=doubts, trace=(step, *steps))
+
+
+def _coarse(mesh: ScanMesh) -> ScanMesh:
+    """Return a dense mesh with fewer triangles."""
+    (part,) = simplified([mesh.part(BODY, np.arange(len(mesh.faces)))])
+    return ScanMesh(
+        vertices=part.vertices,
+        faces=part.faces,
+        rgb=part.rgb,
+        group=np.zeros(len(part.faces), dtype=np.int64),
+    )
 
 
 def _registered(mesh: ScanMesh, query: Query) -> tuple[Pixels, Registration, Query]:
@@ -135,10 +147,8 @@ def _further_panels(parts: Segmentation, found: Sequence[PartProposal]) -> list[
     return panels
 
 
-def _image_panels(
-    parts: Segmentation, others: Sequence[PartProposal], image: Pixels, placed: Registration
-) -> list[PartProposal]:
-    """Return the openable parts that the image shows in the front, where the mesh has no panel."""
+def _image_panels(parts: Segmentation, image: Pixels, placed: Registration) -> list[PartProposal]:
+    """Return the openable parts that the image shows in the front."""
     mesh, view = parts.mesh, parts.view
     low, high = mesh.bounds
     seen = view.depth[np.isfinite(view.depth)]
@@ -151,18 +161,22 @@ def _image_panels(
     if not (depth > 0.0).all():
         return []
     square, _ = front_square(image, uv)
-    covered = [part.panel for part in others if part.panel is not None]
     panels = []
     for part in find_parts(square, float(mesh.size[1] / mesh.size[2])):
         rect = low[[1, 2, 1, 2]] + mesh.size[[1, 2, 1, 2]] * [
             part.left, part.bottom, part.right, part.top
         ]  # fmt: skip
-        if any(overlap(rect, other) > COVERED for other in covered):
-            continue
         panel = _lifted(parts, rect, front)
         if panel is not None:
             panels.append(_image_panel(parts, front_of(parts, panel), part))
     return panels
+
+
+def _overlaps(part: PartProposal, panels: Sequence[PartProposal]) -> bool:
+    """Return whether a front panel overlaps one of others."""
+    return part.panel is not None and any(
+        other.panel is not None and overlap(part.panel, other.panel) > COVERED for other in panels
+    )
 
 
 def _lifted(parts: Segmentation, rect: Array, front: float) -> Panel | None:
@@ -210,7 +224,7 @@ def _moved_in_video(
         return None, (_no_motion(query),), ()
     evidence = Evidence(
         modality="video",
-        parts=(mesh.part(BODY, rest), *meshes),
+        parts=tuple(simplified([mesh.part(BODY, rest), *meshes])),
         labels={name: name for name in (BODY, *names)},
         video=query.video,
         times_s=query.times_s,
