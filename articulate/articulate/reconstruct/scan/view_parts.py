@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from articulate.errors import UsageError
 from articulate.reconstruct.actors.protocol import (
     GOOD_ENOUGH,
     Evidence,
@@ -77,11 +78,12 @@ def add_view(
         found: Parts that were found on its surface.
         query: Video that begins or ends with the object closed, or image of the closed object.
         smooth: The mesh is one smooth surface, of which few parts have a border.
-
-    Raises:
-        UsageError: No object is found in the image.
     """
-    image, placed, query = _registered(_coarse(mesh) if smooth else mesh, query)
+    try:
+        image, placed, query = _registered(_coarse(mesh) if smooth else mesh, query)
+    except UsageError as error:  # no object is found in the image
+        doubt = f"{query.description} is not used: {error}"
+        return ViewParts(parts=tuple(found), doubts=(doubt,), trace=())
     step = _registration_step(mesh, image, placed)
     if placed.overlap < LEAST_OVERLAP:
         doubt = (
