@@ -9,7 +9,7 @@ python benchmarks/scans.py --shells 10 --half development
 objects to closed surfaces, seeds from 0 for development and from 1000 to publish. Each object is
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
-``--view`` a rendered video, by an unknown camera, in which one joint is operated, or one image.
+``--view`` a rendered photo, or a video in which one joint is operated, by an unknown camera.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 
 from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
 from articulate.benchmark.operated_joint import Conditions
+from articulate.benchmark.rendered_photo import render_photo
 from articulate.benchmark.rendered_video import render_operated
 from articulate.benchmark.split import half
 from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
@@ -235,7 +236,7 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     if args.masks:
         hints = replace(hints, masks=write_masks(merged, truth, folder / "masks.npz"))
     if args.view:
-        hints = replace(hints, view=operated_video(truth, entire=args.view == "video"))
+        hints = replace(hints, view=view_of(truth, args.view))
     start = time.monotonic()
     scan = read_scan(path, hints)
     if args.masks:
@@ -260,18 +261,18 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     return row
 
 
-def operated_video(truth: TrueObject, *, entire: bool = True) -> Query | None:
-    """Return a video in which one joint is operated, or only its frame in which it is most closed.
+def view_of(truth: TrueObject, kind: str) -> Query | None:
+    """Return a photo of the closed object, or a video in which one joint is operated.
 
-    None if no camera shows it well.
+    None if no camera shows the motion well.
     """
+    if kind == "image":
+        image = render_photo(truth.parts, 0).image
+        return Query(modality="image", description="the image", image=image)
     found = render_operated(truth, 0, conditions=HOW)
     if found is None:
         return None
     video = found.video
-    if not entire:
-        closed = int(np.argmin(np.abs(found.truth.positions)))
-        return Query(modality="image", description="the image", image=video.frames[closed])
     return Query(
         modality="video", description="the video", video=video.frames, times_s=video.times_s
     )
