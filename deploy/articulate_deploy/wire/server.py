@@ -37,7 +37,7 @@ from articulate_deploy.wire.robot_state import StateWriter
 
 POLL_S = 1.0
 """Time between checks of the connection while a command is awaited in lockstep [s]."""
-START_WAIT_S = 0.01
+START_WAIT_S = 0.5
 """Wait for the first command of a motion after each state in lockstep [s]."""
 MAX_BEHIND_S = 0.003
 """Delay after which the schedule of wall-clock time starts again [s]: a busy computer slows the
