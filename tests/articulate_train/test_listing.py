@@ -59,6 +59,13 @@ def test_joint_without_limits_or_handle_is_listed(tmp_path, monkeypatch):
     assert "continuous  no handle" in free
 
 
+def test_joints_of_the_asset_flag_are_listed(capsys, checked):
+    assert main(["train", "--list-joints", "box"]) == 0
+    first = capsys.readouterr().out
+    assert main(["train", "--asset", "box", "--list-joints"]) == 0
+    assert capsys.readouterr().out == first
+
+
 def test_help_is_not_a_list():
     assert listing.requests_list(["--list_tasks"])
     assert not listing.requests_list(["--list-tasks", "--help"])

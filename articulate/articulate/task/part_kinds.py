@@ -51,7 +51,9 @@ PARTS: dict[str, frozenset[PartKind]] = {
     "WashingMachine": frozenset({"drawer", "door", "lid"}),
     "Window": frozenset({"door"}),
 }
-"""Kinds of parts by PartNet-Mobility category; other categories have none of them."""
+"""Kinds of parts by PartNet-Mobility category; its other categories have none of them."""
+UNKNOWN = "unknown"
+"""Category of an object that no table lists."""
 SMALL = 0.12
 """Fraction of the object's longest side below which a part without a name is a knob or button."""
 STEEP = float(np.cos(np.pi / 4))
@@ -63,12 +65,15 @@ def part_kind(asset: Asset, joint: Joint) -> PartKind:
 
     The name of its link or of the joint decides if it has a word of :data:`NAMED`, the last one of
     several (the handle of a door is not a door). Without a name the motion decides, among the
-    kinds of :data:`PARTS` that its category has. Everything else is a ``joint``.
+    kinds of :data:`PARTS` that its category has, or all kinds for a joint with limits if the
+    category is unknown. Everything else is a ``joint``.
     """
     named = named_kind(joint)
     if named is not None:
         return named
     kinds = PARTS.get(asset.category, frozenset())
+    if asset.category == UNKNOWN and joint.upper is not None:
+        kinds = frozenset({"drawer", "door", "lid"})
     kind = _kind_by_motion(asset, joint)
     if kind == "door" and "door" not in kinds and abs(joint.axis_o[2]) <= STEEP:
         kind = "lid"  # a laptop's lid may be upright

@@ -48,8 +48,11 @@ def requests_list(argv: Sequence[str]) -> bool:
 
 
 def show_list(argv: Sequence[str]) -> int:
-    """Print the lists of the flags in ``argv``."""
-    flags = parse(ListFlags, argv, prog="train")
+    """Print the lists of the flags in ``argv``; ``--asset X --list-joints`` is accepted too."""
+    words = list(argv)
+    if "--asset" in words and words[-1] == "--list-joints":
+        words[words.index("--asset")] = words.pop()
+    flags = parse(ListFlags, words, prog="train")
     from articulate_train.list_joints import joint_rows, task_rows  # see commands/train.py
 
     content: dict[str, object] = {}
