@@ -67,8 +67,7 @@ class BufferedEngine(ABC):
         self.scene = scene = self.scenes[0]
         self.n_envs = n_envs
         self.scene_of: Ints = np.arange(n_envs, dtype=np.int64) * len(self.scenes) // n_envs
-        self._models = [copy.copy(self.scenes[k].nominal) for k in self.scene_of]
-        self._data = [mujoco.MjData(m) for m in self._models]
+        self._models, self._data = self._allocate()
         self._first_model = np.cumsum([0, *(len(one.models) for one in self.scenes)])
         self._model_of = np.zeros(n_envs, dtype=np.int64)
         self._order = np.arange(n_envs, dtype=np.int64)
@@ -102,6 +101,14 @@ class BufferedEngine(ABC):
             T_wt_target=next(poses),
         )
 
+    def _allocate(self) -> tuple[list[mujoco.MjModel], list[mujoco.MjData]]:
+        """Return a model and a state for each environment."""
+        models = [copy.copy(self.scenes[k].nominal) for k in self.scene_of]
+        return models, [mujoco.MjData(model) for model in models]
+
+    def _load(self, i: int) -> None:  # noqa: B027  nothing to do where these are stepped in place
+        """Take over the model and the state of environment ``i``, which have been written."""
+
     @abstractmethod
     def _advance(self) -> None:
         """Run a control step in all environments, from and into the buffers."""
@@ -122,6 +129,7 @@ class BufferedEngine(ABC):
         for k, i in enumerate(rows):
             self._write_model(int(i), start.params.values[k])
             self._write_data(int(i), start, k)
+            self._load(int(i))
         self._order[:] = np.argsort(self._model_of, kind="stable")
         b = self._buffers
         b.filter[rows] = filter_start(start.q)
@@ -248,7 +256,7 @@ class BufferedEngine(ABC):
         sizes = [mujoco.mj_stateSize(model, spec) for model in self._models]
         physics = np.zeros((self.n_envs, max(sizes)))
         for i, size in enumerate(sizes):
-            mujoco.mj_getState(self._models[i], self._data[i], physics[i, :size], spec)
+            mujoco.mj_getState(*self.physics_state(i), physics[i, :size], spec)
         out = {name: array.copy() for name, array in self._kept().items()}
         return out | {"physics": physics, "episode_params": self._values.copy()}
 
@@ -263,6 +271,7 @@ class BufferedEngine(ABC):
             mujoco.mj_resetData(self._models[i], self._data[i])
             state = snapshot["physics"][i, : mujoco.mj_stateSize(self._models[i], spec)]
             mujoco.mj_setState(self._models[i], self._data[i], state, spec)
+            self._load(i)
         self._order[:] = np.argsort(self._model_of, kind="stable")
         for name, array in self._kept().items():
             array[:] = snapshot[name]

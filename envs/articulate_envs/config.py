@@ -1,10 +1,31 @@
-"""Configuration of rewards and initial states, without arrays: `--help` does not load numpy."""
+"""Configuration of engines and initial states, without arrays: `--help` does not load numpy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from articulate.errors import ConfigError
+
+EngineName = Literal["cpu", "warp"]
+"""Names of the batched engines: MuJoCo on threads, or MuJoCo Warp on a GPU."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarpConfig:
+    """Memory of the engine on MuJoCo Warp; too little of it ends the training with a message."""
+
+    contacts: int = 60
+    """Contacts for which memory is allocated, in the mean over environments. Of six scenes, the one
+    with the most has 7."""
+    constraints: int = 260
+    """Constraint rows of one environment for which memory is allocated; those scenes have up to
+    78."""
+
+    def __post_init__(self) -> None:
+        for name in ("contacts", "constraints"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"warp.{name} is {getattr(self, name)}; it must be at least 1")
 
 
 def check_until(name: str, until: float) -> None:
