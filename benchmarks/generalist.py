@@ -7,8 +7,9 @@
 runs the scripted expert on each joint (resumable). ``train`` imitates the expert on all accepted
 scenes in one batch (DAgger; Ross, Gordon and Bagnell, 2011): in each round all environments run an
 episode's length of control steps, the expert's actions at the visited states are added to the data,
-and the network is fitted to all data so far. It writes ``generalist.npz`` and ``generalist.json``
-of the package ``articulate_train``. Seeds below 1000 are for training, 1000 to 1999 for validation.
+and the network is fitted to all data so far. It writes ``generalist_open.npz`` and ``.json`` of the
+package ``articulate_train``, or ``generalist_close`` for scenes of ``prepare --closing``. Seeds
+below 1000 are for training, 1000 to 1999 for validation.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy and torch
@@ -46,7 +47,7 @@ from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.config import ActionScalingConfig
-from articulate_train.generalist import METADATA, WEIGHTS, write_weights
+from articulate_train.generalist import weights_file, write_weights
 from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network
 from articulate_train.run import versions
@@ -220,6 +221,7 @@ def train(args: argparse.Namespace) -> int:
     """Train and write the weights after every few rounds."""
     torch.set_num_threads(1)
     records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
+    file = args.out / weights_file(records[0].task).name
     earlier = read_json_object(args.weights.with_suffix(".json")) if args.weights else {}
     begin = time.monotonic()
     trainer = Trainer(records, args.envs, args.rounds, args.seed, args.weights)
@@ -234,10 +236,10 @@ def train(args: argparse.Namespace) -> int:
             flush=True,
         )
         if (k + 1) % 2 == 0 or k + 1 == args.rounds:
-            write_weights(args.out / WEIGHTS, trainer.network)
+            write_weights(file, trainer.network)
             steps = (k + 1) * args.envs * trainer.episodes.engine.scene.n_steps
             write_json(
-                args.out / METADATA,
+                file.with_suffix(".json"),
                 {
                     "command": "python benchmarks/generalist.py train --scenes "
                     f"{args.scenes.name} --rounds {args.rounds} --envs {args.envs} "
@@ -253,7 +255,7 @@ def train(args: argparse.Namespace) -> int:
                     else None,
                     "seed": args.seed,
                     "versions": {n: v for n, v in versions().items() if n != "system"},
-                    "sha256": sha256(args.out / WEIGHTS),
+                    "sha256": sha256(file),
                 },
             )
     return 0

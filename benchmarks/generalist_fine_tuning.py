@@ -93,7 +93,7 @@ def fine_tune(record: SceneRecord, args: argparse.Namespace) -> dict[str, Any]:
         "episodes": args.episodes,
         "success": float(np.mean(ended.code == 0)),
         "failure": REASONS[int(np.bincount(failures).argmax())] if len(failures) else "",
-        "policy": generalist_metadata()["sha256"][:12],
+        "policy": generalist_metadata(record.task)["sha256"][:12],
     }
 
 
@@ -115,7 +115,7 @@ def main(argv: Sequence[str]) -> int:
     for record in read_records(args.scenes):
         if record.placement is None or (args.objects and record.object not in args.objects):
             continue
-        policy = generalist_metadata()["sha256"][:12]
+        policy = generalist_metadata(record.task)["sha256"][:12]
         key = (record.object, record.task, record.joint, args.start, args.seed, policy)
         if key in done:
             continue

@@ -46,6 +46,8 @@ from articulate_train.policy import policy_of
 from articulate_train.run import open_run
 from generalist_scenes import (
     CATEGORIES,
+    CLOSING_TASKS,
+    TASKS,
     SceneRecord,
     prepare,
     procedural_ids,
@@ -67,6 +69,11 @@ def split_of(object_id: str) -> str:
         return half(object_id)
     seed = int(found[2])
     return "training" if seed < 1000 else "validation" if seed < 2000 else "test"
+
+
+def policy_id(task: str) -> str:
+    """Return the beginning of the hash of the weights for ``task``."""
+    return str(generalist_metadata(task)["sha256"][:12])
 
 
 def evaluate(record: SceneRecord, episodes: int) -> dict[str, Any]:
@@ -96,7 +103,7 @@ def evaluate(record: SceneRecord, episodes: int) -> dict[str, Any]:
         "success": float(np.mean(codes == 0)),
         "opened": float(np.mean(ended.opened)),
         "failure": REASONS[int(np.bincount(failures).argmax())] if len(failures) else "",
-        "policy": generalist_metadata()["sha256"][:12],
+        "policy": policy_id(record.task),
     }
 
 
@@ -142,7 +149,7 @@ def summary(
         },
         "expert_and_generalist": rank_correlation(rows),
         "expert_and_training": {**rank_correlation(trained), "runs": list(trained)},
-        "policy": generalist_metadata(),
+        "policies": {task: policy_id(task) for task in sorted({row["task"] for row in rows})},
     }
 
 
@@ -165,6 +172,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--data", type=Path, help="index of other objects, assets.json")
     parser.add_argument("--half", choices=("development", "published"), default="development")
     parser.add_argument("--limit", type=int, help="most objects of --data")
+    parser.add_argument("--closing", action="store_true", help="tasks that close instead of open")
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--runs", type=Path, nargs="+", default=(), help="evaluated run folders")
     parser.add_argument("--out", type=Path, required=True)
@@ -174,11 +182,10 @@ def main(argv: Sequence[str]) -> int:
     torch.set_num_threads(1)
     args.out.mkdir(parents=True, exist_ok=True)
     scenes, results = args.out / "scenes.jsonl", args.out / "results.jsonl"
-    prepare(items_of(args), scenes)
+    prepare(items_of(args), scenes, CLOSING_TASKS if args.closing else TASKS)
     lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
     rows = [json.loads(line) for line in lines]
-    policy = generalist_metadata()["sha256"][:12]
-    rows = [row for row in rows if row["policy"] == policy]
+    rows = [row for row in rows if row["policy"] == policy_id(row["task"])]
     done = {(row["object"], row["task"], row["joint"]) for row in rows}
     for record in read_records(scenes):
         if record.placement is None or (record.object, record.task, record.joint) in done:

@@ -20,7 +20,7 @@ def test_what_the_table_holds_is_not_trained_again(tmp_path, monkeypatch):
 
     def fine_tune(record, args):
         trained.append(record.object)
-        policy = generalist_metadata()["sha256"][:12]
+        policy = generalist_metadata("open_drawer")["sha256"][:12]
         row = {"object": record.object, "task": record.task, "joint": record.joint}
         return row | {"start": args.start, "seed": args.seed, "policy": policy}
 

@@ -1,8 +1,8 @@
-"""Generalist policy: one network for drawers, doors and lids that it has never seen.
+"""Generalist policy for drawers, doors and lids that it has never seen.
 
-It was trained by imitation on generated objects only (``benchmarks/generalist.py``) and is part of
-the package. It acts without any training on an object (zero-shot), or is the
-starting point of a training.
+One network opens, another closes. They were trained by imitation on generated objects only
+(``benchmarks/generalist.py``) and are part of the package. They act without any training on an
+object (zero-shot), or are the starting point of a training.
 """
 
 from __future__ import annotations
@@ -31,10 +31,13 @@ if TYPE_CHECKING:
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import VecNormalize
 
-WEIGHTS, METADATA = "generalist.npz", "generalist.json"
-"""Files beside this module."""
 MAX_BYTES = 2_000_000
 """Largest file of weights."""
+
+
+def weights_file(task: str) -> Path:
+    """Return the file of the weights for ``task``; the JSON file beside it has their origin."""
+    return Path(__file__).with_name(f"generalist_{task.partition('_')[0]}.npz")
 
 
 def write_weights(path: Path, network: Network) -> None:
@@ -53,7 +56,7 @@ def generalist_state(config: TrainConfig, scene: Scene) -> dict[str, Any]:
         MissingError: The weights are not installed.
     """
     check_task(config.task)
-    path = Path(__file__).with_name(WEIGHTS)
+    path = weights_file(config.task)
     if not path.exists():
         raise MissingError(f"{path}: the weights are missing; install the package again")
     content = np.load(io.BytesIO(read_bounded(path, MAX_BYTES)), allow_pickle=False)
@@ -82,13 +85,15 @@ def generalist_state(config: TrainConfig, scene: Scene) -> dict[str, Any]:
             "var": weights["scale"].double() ** -2,
             "count": 1.0,
         },
-        "metadata": json.dumps({"num_timesteps": generalist_metadata()["control_steps"]}),
+        "metadata": json.dumps(
+            {"num_timesteps": generalist_metadata(config.task)["control_steps"]}
+        ),
     }
 
 
-def generalist_metadata() -> dict[str, Any]:
-    """Return the origin of the weights: command, objects, seed and versions."""
-    text = Path(__file__).with_name(METADATA).read_text(encoding="utf-8")
+def generalist_metadata(task: str) -> dict[str, Any]:
+    """Return the origin of the weights for ``task``: command, objects, seed and versions."""
+    text = weights_file(task).with_suffix(".json").read_text(encoding="utf-8")
     content: dict[str, Any] = json.loads(text)
     return content
 
@@ -164,6 +169,6 @@ def generalist_run(config: TrainConfig, folder: Path, cache: Path, **options: An
         write_state(run.seed_folder(seed) / POLICY, state)
         write_json(
             run.seed_folder(seed) / DONE,
-            {"steps": config.steps, "policy": "generalist"} | generalist_metadata(),
+            {"steps": config.steps, "policy": "generalist"} | generalist_metadata(config.task),
         )
     return run
