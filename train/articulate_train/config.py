@@ -19,7 +19,7 @@ from articulate.task.randomization_config import (
     MAX_RANGE_FACTOR,
     RandomizationConfig,
 )
-from articulate_envs.config import InitialStatesConfig
+from articulate_envs.config import EngineName, InitialStatesConfig, WarpConfig
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
 
@@ -373,6 +373,9 @@ class TrainConfig:
     steps of the seed: each of two members ends half-way along them."""
     jobs: int = 0
     """Number of seeds trained in parallel; 0 means one for each processor."""
+    engine: EngineName = "cpu"
+    """Engine of the training: MuJoCo on the processors, or MuJoCo Warp on a GPU (extra warp). The
+    policy is evaluated on the processors in either case."""
     initial_policy: Annotated[Literal["generalist", "random"], ADVANCED] = "generalist"
     """Initial weights of the policies: those of the generalist policy of the package, or random.
     Tasks other than open_drawer, open_door and open_lid always start from random weights."""
@@ -406,6 +409,8 @@ class TrainConfig:
     """Control stack."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """Physics."""
+    warp: WarpConfig = field(default_factory=WarpConfig)
+    """Memory of the engine on MuJoCo Warp."""
 
     @property
     def member_steps(self) -> int:

@@ -15,6 +15,7 @@ from articulate.errors import MissingError, RunError
 from articulate.files import write_bytes
 from articulate.task.observation import ACTION
 from articulate.transforms import Array
+from articulate_envs.engines import describe_engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.feasibility import Feasibility
 from articulate_envs.grasp_clearance import check_grasp
@@ -53,6 +54,8 @@ class DryRun:
     """Overlap of the open gripper at the handle with the object [m]; small values are enough."""
     feasibility: Feasibility
     """Success rate of the scripted expert."""
+    engine: str
+    """Engine of the training and its device."""
     seeds: int
     steps: int
     """Control steps of each seed."""
@@ -89,6 +92,7 @@ class DryRun:
             f"  reach    {self.reachable_share:.0%} of the randomized poses and sizes; the open "
             f"gripper overlaps the object by {1000 * self.overlap_m:.1f} mm",
             f"  expert   {describe_feasibility(self.feasibility)}",
+            f"  engine   {self.engine}",
             f"  time     about {self.minutes:.0f} min for {seeds} of {self.steps / 1e6:g}M steps "
             f"({self.steps_per_s:.0f} steps/s measured); {self.selection_minutes:.0f} min of it "
             f"for checkpoint selection, {self.evaluation_minutes:.0f} min for the evaluation",
@@ -122,6 +126,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
     """
     if file.exists():
         raise RunError(f"{file}: exists; choose another --out")
+    engine = describe_engine(config.engine)
     with cache_in_use(cache):
         asset = prepare_asset(config, cache)
         scene = best_scene(config, asset)
@@ -148,6 +153,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         reachable_share=placement.reachable_share,
         overlap_m=overlap_m,
         feasibility=feasibility,
+        engine=engine,
         seeds=len(config.seeds),
         steps=config.steps,
         steps_per_s=round(rate, 1),

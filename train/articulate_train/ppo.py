@@ -22,10 +22,10 @@ from torch import nn
 
 from articulate.errors import DivergedError
 from articulate.task.observation import OBSERVATION
+from articulate_envs.engines import make_engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
 from articulate_envs.scripted_expert import make_scripted_expert
-from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.generalist import generalist_state, load_initial, with_layers
 from articulate_train.imitation import ImitationData, imitate
@@ -49,7 +49,7 @@ class Learner:
             start = generalist_state(config, scene)
         self.ppo = config.ppo if start is None else with_layers(config.ppo, start)
         ppo = self.ppo
-        engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
+        engine = make_engine(config.engine, scene, ppo.n_envs, threads=threads, warp=config.warp)
         self.episodes = Episodes(
             engine,
             randomization=config.randomization,

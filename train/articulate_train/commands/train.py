@@ -99,6 +99,13 @@ def main(argv: Sequence[str]) -> int:
     from articulate_train.run import resume_run
     from articulate_train.seed_runner import train_seeds
 
+    if flags.engine != "cpu":
+        from articulate_envs.engines import describe_engine
+
+        console.show_progress(
+            f"engine {describe_engine(flags.engine)}; the first steps compile its kernels, which "
+            "takes minutes"
+        )
     if not flags.resume and is_many(flags.asset):
         return _many(flags, argv)
     if flags.dry_run:
