@@ -2,10 +2,10 @@
 
     python benchmarks/generalist_fine_tuning.py --scenes generality/scenes.jsonl --out rows.jsonl
 
-Each accepted joint of the list (``benchmarks/generality.py`` or ``benchmarks/generalist.py
-prepare``) is trained with one seed and one ensemble member until 98 % of 250 held-out episodes
-succeed, for ``--steps`` control steps at most. The best policy of these evaluations is evaluated on
-new episodes. The table is resumable: what ``--out`` holds is not repeated.
+Each joint of the list (``benchmarks/generality.py`` or ``benchmarks/generalist.py prepare``) that
+``train`` accepts is trained with one seed and one ensemble member until 98 % of 250 held-out
+episodes succeed, for ``--steps`` control steps at most. The best policy of these evaluations is
+evaluated on new episodes. The table is resumable: what ``--out`` holds is not repeated.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy
@@ -29,6 +29,7 @@ import torch
 from articulate.task.episode_monitor import REASONS
 from articulate_train.config import TrainConfig
 from articulate_train.evaluate import run_episodes
+from articulate_train.feasibility_check import STOP_BELOW
 from articulate_train.generalist import generalist_metadata
 from articulate_train.policy import policy_of
 from articulate_train.ppo import EVALUATION, Learner
@@ -93,6 +94,7 @@ def fine_tune(record: SceneRecord, args: argparse.Namespace) -> dict[str, Any]:
         "episodes": args.episodes,
         "success": float(np.mean(ended.code == 0)),
         "failure": REASONS[int(np.bincount(failures).argmax())] if len(failures) else "",
+        "expert": record.expert,
         "policy": generalist_metadata(record.task)["sha256"][:12],
     }
 
@@ -104,6 +106,12 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--objects", nargs="+", help="ids of objects; by default all")
     parser.add_argument("--steps", type=int, default=300_000, help="most control steps")
     parser.add_argument("--start", choices=("generalist", "random"), default="generalist")
+    parser.add_argument(
+        "--min-expert",
+        type=float,
+        default=STOP_BELOW,
+        help="least success rate of the expert; by default that of train",
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--out", type=Path, required=True, help="rows, one per line")
@@ -113,7 +121,9 @@ def main(argv: Sequence[str]) -> int:
     keys = ("object", "task", "joint", "start", "seed", "policy")
     done = {tuple(json.loads(line)[key] for key in keys) for line in lines}
     for record in read_records(args.scenes):
-        if record.placement is None or (args.objects and record.object not in args.objects):
+        if record.placement is None or record.expert < args.min_expert:
+            continue
+        if args.objects and record.object not in args.objects:
             continue
         policy = generalist_metadata(record.task)["sha256"][:12]
         key = (record.object, record.task, record.joint, args.start, args.seed, policy)

@@ -11,7 +11,7 @@ from generalist_scenes import SceneRecord
 def test_what_the_table_holds_is_not_trained_again(tmp_path, monkeypatch):
     records = [
         SceneRecord(object=name, source="a.urdf", category="", task="open_door", joint="hinge",
-                    placement=placement)
+                    placement=placement, expert=1.0)
         for name, placement in (("first", {}), ("second", {}), ("rejected", None))
     ]  # fmt: skip
     scenes, out = tmp_path / "scenes.jsonl", tmp_path / "rows.jsonl"
