@@ -68,6 +68,7 @@ from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.compiled.pointers import call, doubles
 from articulate_envs.config import InitialStatesConfig
+from articulate_envs.engine import Engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
 from articulate_envs.threaded_engine import ThreadEngine
@@ -195,7 +196,7 @@ class RecordingEngine(ThreadEngine):
         return np.stack([data.qpos.copy() for data in self._data])
 
 
-def episodes_on(engine: ThreadEngine, config: TrainConfig) -> Episodes:
+def episodes_on(engine: Engine, config: TrainConfig) -> Episodes:
     """Return episodes as at the beginning of training, all of full length."""
     return Episodes(
         engine,

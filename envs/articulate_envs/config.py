@@ -15,7 +15,7 @@ EngineName = Literal["cpu", "warp"]
 class WarpConfig:
     """Memory of the engine on MuJoCo Warp; too little of it ends the training with a message."""
 
-    contacts: int = 60
+    contacts: int = 32
     """Contacts for which memory is allocated, in the mean over environments. Of six scenes, the one
     with the most has 7."""
     constraints: int = 260

@@ -53,14 +53,14 @@ class WarpEngine(BufferedEngine):
             EngineError: There are several scenes, or MuJoCo Warp does not support the model.
             MissingError: MuJoCo Warp is not installed.
         """
-        worlds = _worlds_class()
         super().__init__(scene, n_envs)
         if len(self.scenes) > 1:
             raise EngineError(
                 f"{len(self.scenes)} scenes for an engine on MuJoCo Warp, which runs one; use one "
                 "engine for each, or engine cpu"
             )
-        self._worlds: Worlds = worlds(self.scene, n_envs, config or WarpConfig(), warp_device())
+        worlds = _worlds_class()
+        self._worlds: Worlds = worlds(self.scene, n_envs, config or WarpConfig())
         self._loads: dict[int, Array] = {}
         self._downloaded: dict[str, Array] | None = None
         threads = max(1, min(threads, n_envs))
@@ -138,10 +138,7 @@ def warp_device() -> str:
     Raises:
         MissingError: MuJoCo Warp is not installed.
     """
-    _worlds_class()
-    import warp as wp
-
-    return str(wp.get_preferred_device().alias)
+    return _worlds_class().device_name()
 
 
 def _worlds_class() -> type[Worlds]:
@@ -150,9 +147,9 @@ def _worlds_class() -> type[Worlds]:
 
         wp.config.log_level = wp.LOG_WARNING
         from articulate_envs.warp_worlds import Worlds
-    except ModuleNotFoundError as error:
+    except ModuleNotFoundError:
         raise MissingError(
-            f"engine warp needs {error.name}, which is not installed; "
+            "engine warp needs mujoco-warp, which is not installed; "
             'run: pip install "articulate-robots[warp]"'
         ) from None
     return Worlds

@@ -33,6 +33,8 @@ MESH_ADDRESSES = {
     "mesh_polymapadr": "mesh_polymap",
 }
 """Fields of addresses in meshes, with the array that each points into; -1 is no address."""
+LEAST_CONTACTS = 128
+"""Memory for contacts in a small batch, whose mean is not near that of many environments."""
 STATE = ("qpos", "qvel", "qacc_warmstart")
 """Arrays of the state that a step continues from."""
 
@@ -100,20 +102,25 @@ class Field(NamedTuple):
 class Worlds:
     """N worlds of one scene."""
 
-    def __init__(self, scene: Scene, n: int, config: WarpConfig, device: str) -> None:
+    @staticmethod
+    def device_name() -> str:
+        """Return the name of Warp's device: the first GPU if there is one."""
+        return str(wp.get_preferred_device().alias)
+
+    def __init__(self, scene: Scene, n: int, config: WarpConfig) -> None:
         """Put the models of ``scene`` on the device.
 
         Args:
             scene: Scene, at all of its sizes.
             n: Number of worlds.
             config: Memory.
-            device: Name of Warp's device.
 
         Raises:
             EngineError: MuJoCo Warp does not support the model.
         """
-        self.scene, self.n, self.device = scene, n, wp.get_device(device)
-        self._contacts, self._constraints = n * config.contacts, config.constraints
+        self.scene, self.n, self.device = scene, n, wp.get_preferred_device()
+        self._contacts = max(n * config.contacts, LEAST_CONTACTS)
+        self._constraints = config.constraints
         with wp.ScopedDevice(self.device):
             host = _with_flags_of_warp(scene.nominal)
             try:
