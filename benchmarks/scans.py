@@ -41,7 +41,7 @@ from articulate.library import ProceduralLibrary
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest
-from articulate.reconstruct.scan.make_scan import find_parts, make_scan, scan_parts
+from articulate.reconstruct.scan.make_scan import find_parts, make_scan, scan_parts, sized_by_masks
 from articulate.reconstruct.scan.masks import read_masks, skin
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
@@ -230,7 +230,7 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     if args.shells:
         shell = fused_shell(merged.mesh)
         merged = Merged(mesh=shell, part=nearest_part(shell, merged.mesh, merged.part))
-    path = folder / f"{truth.object_id.replace('/', '_')}.glb"
+    path = folder / "scan.glb"  # a name may imply the category
     write(merged.mesh, path)
     hints = ScanHints(text=truth.category if args.text else "")
     if args.masks:
@@ -239,7 +239,9 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
         hints = replace(hints, view=view_of(truth, args.view))
     start = time.monotonic()
     scan = read_scan(path, hints)
-    if args.masks:
+    if hints.masks is not None:
+        masks = read_masks(hints.masks, scan, path)
+        scan = sized_by_masks(scan, masks, hints)
         found = masked_parts(scan, path, hints)
     else:
         scan, found = find_parts(scan, hints)

@@ -71,7 +71,7 @@ def build_parts(
             parts[k] = _with(parts[k], [_backing(proposal, wall)])
             notes.append(f"{names[k]} was thickened")
         if proposal.kind == "drawer":
-            parts[k] = _with(parts[k], _tray(proposal, TRAY_DEPTH * deep, wall))
+            parts[k] = _with(parts[k], tray_walls(proposal, TRAY_DEPTH * deep, wall))
             notes.append(f"a tray was built behind {names[k]}")
     return Built(body=body_mesh, parts=tuple(parts), notes=tuple(notes))
 
@@ -189,7 +189,7 @@ def _cavity(proposal: PartProposal, depth: float, wall: float) -> list[Array]:
     return _five_sides(low, high, 0.8 * wall, ceiling=True)
 
 
-def _tray(proposal: PartProposal, depth: float, wall: float) -> list[Array]:
+def tray_walls(proposal: PartProposal, depth: float, wall: float) -> list[Array]:
     """Return the walls of a tray behind a front."""
     assert proposal.panel is not None
     y0, z0, y1, z1 = proposal.panel

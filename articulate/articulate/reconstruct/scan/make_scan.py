@@ -23,6 +23,7 @@ from articulate.reconstruct.make import PredictionSource, make_predicted
 from articulate.reconstruct.part_set import Front, PartSet
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest, MakeResult
+from articulate.reconstruct.scan.category_by_parts import category_by_parts
 from articulate.reconstruct.scan.cavity import Built, build_parts
 from articulate.reconstruct.scan.masks import read_masks, skin
 from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
@@ -45,6 +46,7 @@ from articulate.reconstruct.scan.scan_parts import (
     part_set_of,
     simplified,
 )
+from articulate.reconstruct.scan.solids import build_solids, is_closed
 from articulate.reconstruct.scan.sweep import with_free_joints
 from articulate.reconstruct.scan.view_parts import SEEN, add_view
 from articulate.reconstruct.text.counts import counts_in
@@ -109,7 +111,8 @@ def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
         UsageError: No part is found that can move.
     """
     if hints.masks is not None:
-        return _named_parts(scan, read_masks(hints.masks, scan, path), MASKS, path)
+        masks = read_masks(hints.masks, scan, path)
+        return _named_parts(sized_by_masks(scan, masks, hints), masks, MASKS, path)
     named = [(name, faces) for name, faces in groups_by_name(scan.mesh) if len(faces)]
     if len(named) >= MIN_NAMED:
         found = _named_parts(scan, named, "names of the file", path)
@@ -139,7 +142,7 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
         proposal.predicted(name, parents[name])
         for name, proposal in zip(names, proposals, strict=True)
     )
-    built = build_parts(scan.mesh, proposals, names, BODY)
+    built = _built(scan, proposals, names)
     text = "; ".join(
         f"{name}: {proposal.joint}, {', '.join(proposal.evidence) or 'by its shape'}"
         for name, proposal in zip(names, proposals, strict=True)
@@ -162,6 +165,12 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
             TraceStep(title="parts on the surface", text=text),
         ),
     )
+
+
+def _built(scan: Scan, proposals: Sequence[PartProposal], names: Sequence[str]) -> Built:
+    """Return body and parts; solid ones for the closed shell of a scanner."""
+    solids = build_solids(scan.mesh, proposals, names, BODY) if scan.smooth else None
+    return solids or build_parts(scan.mesh, proposals, names, BODY)
 
 
 def _part_set(scan: Scan, built: Built, path: Path) -> PartSet:
@@ -219,6 +228,16 @@ def _size_by_parts(
     return 1.0, "unknown", notes
 
 
+def sized_by_masks(scan: Scan, masks: Sequence[tuple[str, Ints]], hints: ScanHints) -> Scan:
+    """Return the scan in the usual size of the category that its masked parts imply."""
+    found = FoundParts(category=category_by_parts(scan.mesh, [name for name, _ in masks]))
+    if found.category == "unknown":
+        return scan
+    scale, category, notes = _size_by_parts(scan, scan.mesh, found, hints)
+    mesh = scan.mesh.transformed(np.eye(3), scale, np.zeros(3))
+    return replace(scan, mesh=mesh, category=category, assumptions=notes)
+
+
 def _named_parts(
     scan: Scan,
     named: Sequence[tuple[str, Ints]],
@@ -237,28 +256,34 @@ def _named_parts(
     part_set = part_set_of(scan.name, meshes, path.name, scan.category)
     if len(meshes) < 2:
         return ScanParts(part_set=part_set, joints=())
-    evidence = Evidence(
-        modality="text",
-        parts=part_set.meshes,
-        labels=part_set.labels,
-        text=scan.category if scan.category != "unknown" else scan.name.replace("_", " "),
-    )
-    prediction = SemanticActor().predict(evidence)
-    moving = tuple(joint for joint in prediction.joints if joint.kind != "fixed")
-    step = TraceStep(title=f"parts by {origin}", text=", ".join(names))
+    prediction = _by_names(scan, part_set)
     notes: tuple[str, ...] = ()
     if origin == MASKS:
-        by_name = {joint.part: joint for joint in moving}
+        by_name = {joint.part: joint for joint in prediction.joints if joint.kind != "fixed"}
+        closed = scan.smooth and is_closed(scan.mesh)
         skins = [
-            skin(scan.mesh, faces, by_name.get(name))
+            skin(scan.mesh, faces, by_name.get(name), closed=closed)
             for name, (_, faces) in zip(names, named, strict=True)
         ]
-        built = build_parts(scan.mesh, skins, names, BODY)
-        part_set = _part_set(scan, built, path)
-        notes = built.notes
+        built = _built(scan, skins, names)
+        part_set, notes = _part_set(scan, built, path), built.notes
+        prediction = _by_names(scan, part_set)  # with the sides and trays that were built
+    moving = any(joint.kind != "fixed" for joint in prediction.joints)
+    step = TraceStep(title=f"parts by {origin}", text=", ".join(names))
     return ScanParts(
         part_set=part_set,
         joints=prediction.joints if moving else (),
         assumptions=(*scan.assumptions, *notes),
         trace=(step, *prediction.trace),
     )
+
+
+def _by_names(scan: Scan, part_set: PartSet) -> Prediction:
+    """Return the joints that the names of parts imply."""
+    evidence = Evidence(
+        modality="text",
+        parts=part_set.meshes,
+        labels=part_set.labels,
+        text=scan.category if scan.category != "unknown" else scan.name.replace("_", " "),
+    )
+    return SemanticActor().predict(evidence)

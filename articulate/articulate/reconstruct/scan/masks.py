@@ -28,6 +28,8 @@ MAX_PARTS = 200
 FACING, OUTSIDE = 0.7, 0.6
 """Component of a normal to the front, and the share of a part that faces it at least, of parts of
 which only the outer surface is known."""
+OUTERMOST = 0.7
+"""Quantile of the depths of a front: above the walls of gaps, below the handles."""
 
 
 def read_masks(path: Path, scan: Scan, mesh_file: Path) -> list[tuple[str, Ints]]:
@@ -56,7 +58,9 @@ def read_masks(path: Path, scan: Scan, mesh_file: Path) -> list[tuple[str, Ints]
     return found
 
 
-def skin(mesh: ScanMesh, faces: Ints, joint: PredictedJoint | None) -> PartProposal:
+def skin(
+    mesh: ScanMesh, faces: Ints, joint: PredictedJoint | None, *, closed: bool = False
+) -> PartProposal:
     """Return a masked part for the builder of cavities.
 
     A door or drawer of which the mask covers only the outer surface gets a panel: on a closed
@@ -66,6 +70,7 @@ def skin(mesh: ScanMesh, faces: Ints, joint: PredictedJoint | None) -> PartPropo
         mesh: The object; its front is +x.
         faces: Faces of the part (K,).
         joint: Its joint; None for a fixed part.
+        closed: The mesh is a closed shell, on which a part is outer surface, and gaps beside it.
     """
     slides = joint is not None and joint.kind == "prismatic"
     part = PartProposal(
@@ -78,18 +83,23 @@ def skin(mesh: ScanMesh, faces: Ints, joint: PredictedJoint | None) -> PartPropo
         confidence=1.0,
     )
     facing = faces[mesh.normals[faces, 0] > FACING]
-    thick = float(np.ptp(mesh.triangles[faces][..., 0]))
-    if (
-        joint is None
-        or (slides and abs(joint.axis_o[0]) < FACING)
-        or mesh.areas[facing].sum() < OUTSIDE * mesh.areas[faces].sum()
-        or thick > THIN * mesh.size[0]
-    ):
+    front_slides = slides and abs(part.axis[0]) > FACING
+    if part.joint in {"fixed", "continuous"} or slides != front_slides or not len(facing):
+        return part
+    x = mesh.triangles[..., 0]
+    front = float(np.quantile(x[facing].mean(axis=1), OUTERMOST))
+    deep = THIN * mesh.size[0]
+    if closed and (slides or abs(part.axis[2]) > FACING):
+        faces = faces[x[faces].min(axis=1) > front - deep]
+        facing = faces[mesh.normals[faces, 0] > FACING]
+    elif mesh.areas[facing].sum() < OUTSIDE * mesh.areas[faces].sum() or np.ptp(x[faces]) > deep:
         return part
     corners = mesh.triangles[facing].reshape(-1, 3)
     low, high = corners[:, 1:].min(axis=0), corners[:, 1:].max(axis=0)
-    front = float(np.median(mesh.triangles[facing].mean(axis=1)[:, 0]))
-    return replace(part, panel=np.concatenate([low, high]), front=front, hollow=True)
+    if mesh.areas[facing].sum() < OUTSIDE * float(np.prod(high - low)):
+        return part
+    panel = np.concatenate([low, high])
+    return replace(part, faces=faces, panel=panel, front=front, hollow=True)
 
 
 def _input_centres(path: Path) -> Array:
