@@ -37,7 +37,7 @@ from articulate_envs.compiled.step import (
 )
 from articulate_envs.engine import Start, State
 from articulate_envs.native_mujoco import copy_model
-from articulate_envs.scene import Scene
+from articulate_envs.scene import PREFIX, Scene
 
 KEPT_ACTIONS = MAX_DELAY_STEPS + 1
 """Number of control steps of which actions are kept."""
@@ -71,6 +71,8 @@ class BufferedEngine(ABC):
         self._first_model = np.cumsum([0, *(len(one.models) for one in self.scenes)])
         self._model_of = np.zeros(n_envs, dtype=np.int64)
         self._order = np.arange(n_envs, dtype=np.int64)
+        self._quat_wo = np.tile([1.0, 0.0, 0.0, 0.0], (n_envs, 1))
+        self._joints = [_object_joints(one) for one in self.scenes]
         self._buffers = _new_buffers(n_envs)
         self._delay = new_action_delay(n_envs, KEPT_ACTIONS)
         self._retract = np.zeros(n_envs, dtype=bool)
@@ -164,6 +166,7 @@ class BufferedEngine(ABC):
         for k in np.unique(scene_of):
             which = scene_of == k
             self._poses.T_wo[rows[which]] = self.scenes[k].T_wo(EpisodeParams(params.values[which]))
+        self._quat_wo[rows] = matrix_to_quat(self._poses.T_wo[rows, :3, :3])
         self._poses.scale[rows] = scale
         self._poses.joint_scale[rows] = np.where(
             np.asarray(self._poses.path.hinge)[rows], 1.0, scale
@@ -192,19 +195,16 @@ class BufferedEngine(ABC):
             object_v=list(at.object_v),
             moving_bodies=list(at.moving_bodies),
         )
-        T_wo = self._poses.T_wo[i]
-        model.body_pos[at.root_body] = T_wo[:3, 3]
-        model.body_quat[at.root_body] = matrix_to_quat(T_wo[:3, :3])
+        model.body_pos[at.root_body] = self._poses.T_wo[i, :3, 3]
+        model.body_quat[at.root_body] = self._quat_wo[i]
         mujoco.mj_setConst(model, self._data[i])
 
     def _write_data(self, i: int, start: Start, k: int) -> None:
         scene, data = self.scenes[self.scene_of[i]], self._data[i]
         at = scene.at
         mujoco.mj_resetData(self._models[i], data)
-        for joint in scene.asset.joints:
-            size = self._poses.scale[i] if joint.kind == "slide" else 1.0
-            adr = self._models[i].joint(f"object/{joint.name}").qposadr[0]
-            data.qpos[adr] = joint.closed * size
+        for address, closed, scales in self._joints[self.scene_of[i]]:
+            data.qpos[address] = closed * (self._poses.scale[i] if scales else 1.0)
         data.qpos[at.part_q] = self._part_positions(start.opened[k], np.array(i))
         data.qpos[at.arm_q : at.arm_q + 7] = start.q[k]
         data.qpos[at.finger_q] = start.width[k] / 2.0
@@ -305,6 +305,15 @@ def _check_scenes(scenes: tuple[Scene, ...], n_envs: int) -> None:
         for name in ("episode_s", "hold_s", "limits"):
             if getattr(scene.task, name) != getattr(scenes[0].task, name):
                 raise EngineError(f"scenes of one engine differ in task.{name}; use one for each")
+
+
+def _object_joints(scene: Scene) -> list[tuple[int, float, bool]]:
+    """Return address in ``qpos``, closed position and True if that is a length, by joint."""
+    model = scene.nominal
+    return [
+        (int(model.joint(PREFIX + joint.name).qposadr[0]), joint.closed, joint.kind == "slide")
+        for joint in scene.asset.joints
+    ]
 
 
 def _new_buffers(n: int) -> Buffers:

@@ -365,7 +365,8 @@ def _own_fields(scene: Scene) -> list[str]:
 def _field(name: str, array: Any, n: int, first: int) -> Field:
     """Return ``array`` of N rows as numbers (N, size)."""
     dtype = wp.int32 if array.dtype == wp.int32 else wp.float32
-    size = array.capacity // (4 * n)
+    assert array.is_contiguous
+    size = array.numpy().size // n
     view = wp.array(ptr=array.ptr, dtype=dtype, shape=(n, size))
     return Field(name, view, first, size)
 
