@@ -27,6 +27,10 @@ FACING = 0.7
 """Least component of a normal to the front of the outer surface of a panel."""
 BACK = 0.5
 """Least area of faces that are the inner side of a panel, as a share of its outline."""
+NOISE = 0.001
+"""Height of noise that is flattened, as a share of the diagonal."""
+SLICES, NARROW = 16, 0.35
+"""Horizontal sections of a part, and the share of the largest one below which it is a knob."""
 MOST_IRREGULAR = 0.01
 """Largest share of corners on edges without two faces of a closed shell: artefacts of welding."""
 
@@ -79,8 +83,9 @@ def build_solids(
     for k in sorted(range(len(proposals)), key=lambda k: float(_area(mesh, proposals[k]))):
         proposal = proposals[k]
         if proposal.panel is None or not proposal.hollow:
-            solids[k] = [_closed(mesh, proposal.faces, rest)]
-            rest = rest - solids[k][0]
+            solid = _closed(mesh, proposal.faces, rest)
+            solids[k] = _with_knob(solid, wall)
+            rest = rest - solid
             continue
         panel = _panel(mesh, proposal, wall)
         surface = proposal.front + FLAT * wall
@@ -171,6 +176,20 @@ def _closed(mesh: ScanMesh, faces: Ints, rest: Manifold) -> Manifold:
     return filled if ring or capped is None else capped
 
 
+def _with_knob(solid: Manifold, wall: float) -> list[Manifold]:
+    """Cut the narrow top off a part, the knob of a lid, so that both are nearly convex."""
+    box = solid.bounding_box()
+    heights = np.linspace(box[2], box[5], SLICES + 1)[1:-1]
+    areas = np.array([solid.slice(float(z)).area() for z in heights])
+    if not areas.any():
+        return [solid]
+    widest = int(np.flatnonzero(areas > NARROW * areas.max())[-1])
+    cut = float(heights[widest] + 0.5 * (heights[1] - heights[0]))
+    if box[5] - cut < wall / 2.0:
+        return [solid]
+    return [one for one in solid.split_by_plane((0.0, 0.0, 1.0), cut) if not one.is_empty()]
+
+
 def _capped(mesh: ScanMesh, faces: Ints) -> tuple[Array, Ints]:
     """Return faces (K,) with each closed border joined to its centre: vertices and faces."""
     corners = mesh.faces[faces]
@@ -207,7 +226,8 @@ def _take(after: dict[int, list[int]], vertex: int) -> int | None:
 
 def _mesh(name: str, solids: Sequence[Manifold], mesh: ScanMesh, faces: Ints) -> PartMesh:
     """Return solids as a part, with the colours of the nearest of some faces (K,)."""
-    meshes = [solid.to_mesh64() for solid in solids]
+    tolerance = NOISE * mesh.diagonal
+    meshes = [solid.simplify(tolerance).to_mesh64() for solid in solids]
     vertices = [np.asarray(m.vert_properties, dtype=np.float64)[:, :3] for m in meshes]
     starts = np.cumsum([0, *map(len, vertices)])
     corners = [
