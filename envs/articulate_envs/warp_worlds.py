@@ -346,18 +346,25 @@ def _with_flags_of_warp(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _own_fields(scene: Scene) -> list[str]:
-    """Return the fields in which worlds differ: sampled, or dependent on the object's size."""
-    batched = [
-        f.name
-        for f in fields(mjw.Model)
-        if getattr(f.type, "shape", ("",))[0] == "*" and hasattr(scene.nominal, f.name)
-    ]
+    """Return the fields in which worlds differ: sampled, or dependent on the object's size.
+
+    Raises:
+        EngineError: A field that all worlds of Warp share depends on the object's size.
+    """
     first, *others = scene.models
     out = []
-    for name in batched:
-        value = np.asarray(getattr(first, name))
+    for field in fields(mjw.Model):
+        name, value = field.name, getattr(first, field.name, None)
+        if not isinstance(value, np.ndarray) or not value.size or name.startswith("mesh_"):
+            continue
         differs = any(not np.array_equal(value, getattr(other, name)) for other in others)
-        if value.size and (name in SAMPLED or differs or (name == "geom_dataid" and others)):
+        own = getattr(field.type, "shape", ("",))[0] == "*"
+        if differs and not own:
+            raise EngineError(
+                f"{scene.asset.name}: its {name} changes with its size, but MuJoCo Warp has one "
+                "for all sizes; set randomization.scale to one size, or use --engine cpu"
+            )
+        if own and (name in SAMPLED or differs or (name == "geom_dataid" and others)):
             out.append(name)
     return out
 
