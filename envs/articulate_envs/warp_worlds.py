@@ -37,6 +37,9 @@ LEAST_CONTACTS = 128
 """Memory for contacts in a small batch, whose mean is not near that of many environments."""
 STATE = ("qpos", "qvel", "qacc_warmstart")
 """Arrays of the state that a step continues from."""
+POSES = ("geom_xpos", "geom_xmat")
+"""Poses of geoms. Warp never calculates those of geoms that do not move, which are in another place
+in each world."""
 
 
 @wp.kernel  # type: ignore[untyped-decorator]  # Warp's
@@ -174,7 +177,7 @@ class Worlds:
         self.model.stat.meaninertia = wp.full(self.n, nominal.stat.meaninertia, dtype=float)
         for name, array in (
             ("meaninertia", self.model.stat.meaninertia),
-            *((name, getattr(self.data, name)) for name in STATE),
+            *((name, getattr(self.data, name)) for name in STATE + POSES),
         ):
             out.append(_field(name, array, self.n, first))
             first += out[-1].size
@@ -199,14 +202,18 @@ class Worlds:
         )
 
     def pack(self, k: int, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-        """Return the row of a world of size ``k`` with the numbers of ``model`` and ``data``."""
+        """Return the row of a world of size ``k`` with the numbers of ``model`` and ``data``.
+
+        The poses of ``data`` are written.
+        """
+        mujoco.mj_kinematics(model, data)
         row: Any = np.empty(self.fields[-1].first + self.fields[-1].size, dtype=np.float32)
         for field in self.fields:
             values: Any
             if field.name == "meaninertia":
                 values = model.stat.meaninertia
-            elif field.name in STATE:
-                values = getattr(data, field.name)
+            elif field.name in STATE + POSES:
+                values = np.ravel(getattr(data, field.name))
             else:
                 values = np.ravel(getattr(model, field.name))
             if field.name == "geom_dataid":

@@ -243,6 +243,22 @@ def test_too_little_memory_is_reported(engine, drawer, few, monkeypatch, error_l
 
 
 @pytest.mark.slow
+def test_geoms_of_every_world_are_where_mujoco_has_them(engine, drawer):
+    """Also those of the carcass, which does not move, but has another pose in each world."""
+    stepped(engine, initial_states(drawer), actions(N, 2))
+    worlds = engine._worlds
+    import mujoco_warp
+
+    mujoco_warp.kinematics(worlds.model, worlds.data)
+    found = worlds.data.geom_xpos.numpy(), worlds.data.geom_xmat.numpy()
+    for i in range(N):
+        model, data = engine.physics_state(i)
+        mujoco.mj_kinematics(model, data)
+        assert_allclose(found[0][i], data.geom_xpos, atol=1e-5)
+        assert_allclose(found[1][i].reshape(-1, 9), data.geom_xmat, atol=1e-5)
+
+
+@pytest.mark.slow
 def test_a_scene_that_warp_does_not_support_is_rejected(engine, drawer, error_line):
     model = mujoco.MjModel.__copy__(drawer.nominal)
     model.opt.noslip_iterations = 1
