@@ -76,6 +76,8 @@ LEARNING_RATES = 1e-3, 1e-4
 """Learning rate at the beginning and at the end, exponential decay between."""
 CONTINUED_RATES = 5e-4, 1e-4
 """The same if the network continues from earlier weights."""
+FINAL_RATES = 2e-4, 1e-5
+"""The same after the last round."""
 MIN_STD = 0.1
 """Floor of the standard deviation of observations, whose units make them about 1: what varies
 little in training may vary more on other objects."""
@@ -183,18 +185,27 @@ class Trainer:
         return ended
 
     def fit(self, k: int, batches: int) -> float:
-        """Fit the network to all data with ``batches`` minibatches; return the last mean loss."""
-        observations, actions = self.data.tensors()
+        """Fit the network to all data after round ``k``; return the last mean loss."""
         network = self.network
         if k <= EXPERT_ROUNDS and not self._continued:
+            observations, _ = self.data.tensors()
             network.mean.copy_(observations.mean(dim=0))
             network.scale.copy_(torch.rsqrt(observations.var(dim=0) + MIN_STD**2))
         first, last = CONTINUED_RATES if self._continued else LEARNING_RATES
+        begin, end = (first * (last / first) ** (r / self.rounds) for r in (k, k + 1))
+        return self.descend(batches, begin, end)
+
+    def descend(self, batches: int, first: float, last: float) -> float:
+        """Fit the network to all data with ``batches`` minibatches; return the last mean loss.
+
+        The learning rate decays exponentially from ``first`` to ``last``.
+        """
+        observations, actions = self.data.tensors()
+        network = self.network
         losses = []
         for i in range(batches):
-            done = (k + i / batches) / self.rounds
             for group in self.optimizer.param_groups:
-                group["lr"] = first * (last / first) ** done
+                group["lr"] = first * (last / first) ** (i / batches)
             pick = torch.from_numpy(self._rng.integers(len(observations), size=BATCH_SIZE))
             x = torch.clamp((observations[pick] - network.mean) * network.scale, -10.0, 10.0)
             loss: Any = functional.mse_loss(network.head(network.body(x)), actions[pick])
@@ -235,6 +246,9 @@ def train(args: argparse.Namespace) -> int:
             f"round {k} {collected:.0f} s {now:.0f} s loss {loss:.4f} {trainer.success(ended)}",
             flush=True,
         )
+        if k + 1 == args.rounds:
+            loss = trainer.descend(args.final_batches, *FINAL_RATES)
+            print(f"final fit {time.monotonic() - begin:.0f} s loss {loss:.4f}", flush=True)
         if (k + 1) % 2 == 0 or k + 1 == args.rounds:
             write_weights(file, trainer.network)
             steps = (k + 1) * args.envs * trainer.episodes.engine.scene.n_steps
@@ -243,7 +257,8 @@ def train(args: argparse.Namespace) -> int:
                 {
                     "command": "python benchmarks/generalist.py train --scenes "
                     f"{args.scenes.name} --rounds {args.rounds} --envs {args.envs} "
-                    f"--batches {args.batches} --seed {args.seed}"
+                    f"--batches {args.batches} --final-batches {args.final_batches} "
+                    f"--seed {args.seed}"
                     + (f" --weights {args.weights.name}" if args.weights else ""),
                     "licence": "MIT",
                     "objects": sorted({r.object for r in records}),
@@ -276,6 +291,7 @@ def main(argv: Sequence[str]) -> int:
     two.add_argument("--rounds", type=int, default=40, help="rounds of DAgger")
     two.add_argument("--envs", type=int, default=128, help="environments")
     two.add_argument("--batches", type=int, default=400, help="minibatches per round")
+    two.add_argument("--final-batches", type=int, default=6000, help="after the last round")
     two.add_argument("--seed", type=int, default=0)
     two.add_argument("--weights", type=Path, help="weights to continue from; default: random")
     two.add_argument("--out", type=Path, default=WEIGHTS_FOLDER, help="folder of the weights")

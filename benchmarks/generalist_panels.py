@@ -2,7 +2,7 @@
 
 The categories of the procedural library have one kind of handle each, within millimetres. Here one
 drawer, door or lid of a plain box has a bar, a knob or a plate of any size that the gripper holds,
-anywhere on its front, and hinges are at all edges.
+anywhere on its front, and hinges are at all edges. Parts without a handle have a projecting edge.
 """
 
 from __future__ import annotations
@@ -31,8 +31,12 @@ from articulate.library.procedural.build import (
 from articulate.library.procedural.categories import LICENCE
 from articulate.library.procedural.urdf import Motion, Part, write_urdf
 
-KINDS = ("panel_drawer", "panel_door", "panel_lid")
-"""Names of the objects; the part after ``panel_`` is what moves."""
+KINDS = (
+    "panel_drawer", "panel_door", "panel_lid",
+    "panel_wide_door", "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
+)  # fmt: skip
+"""Names of the objects; the last word is what moves. New ones are added at the end: the random
+numbers depend on the order."""
 MAX_HELD_M = 0.062
 """Largest thickness between the fingers [m]; objects are scaled by up to 1.1."""
 GAP_M, BOARD_M = 0.003, 0.016
@@ -112,15 +116,19 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
     s = Sampler(kind, seed)
     if kind == "panel_lid":
         return _lid(s)
-    drawer = kind == "panel_drawer"
+    if kind == "panel_thin_lid":
+        return _thin_lid(s)
+    drawer, edge = kind.endswith("drawer"), "edge" in kind
     wide = s.between(0.2, 0.65)
     high = s.between(0.11, 0.32) if drawer else s.between(0.2, 0.6)
     deep = s.between(0.3, 0.5) if drawer else s.between(0.2, 0.4)
+    board_m = BOARD_M if kind in KINDS[:2] else s.log_between(0.008, 0.045)
     y, z = around(0.0, wide), (0.02, 0.02 + high)
-    front = (-deep / 2 - BOARD_M - GAP_M, -deep / 2 - GAP_M)
+    front = (-deep / 2 - board_m - GAP_M, -deep / 2 - GAP_M)
     body_x = (-deep / 2, deep / 2)
     shell = {**cavity((body_x, y, z), BOARD_M), "foot": (body_x, y, (0.0, z[0]))}
     body = Part(name="body", shapes=(shape("body_shell", "birch", shell),))
+    pieces: dict[str, Piece] = {"board": (front, y, z)}
     if drawer:
         at = (front[0], 0.3 * wide * s.between(-1, 1), sum(z) / 2 + 0.25 * high * s.between(-1, 1))
         frame, room = (FRONT_LEVEL, 0.35 * wide) if s.chance(0.8) else (FRONT_UPRIGHT, 0.5 * high)
@@ -128,20 +136,34 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
         rear = body_x[1] - BOARD_M - 0.02
         inside = tray(((front[1], rear), *hole), 0.01)
         motion = slide("body", "panel", at, (-1.0, 0.0, 0.0), s.between(0.5, 0.85) * deep)
-        pieces = {"board": (front, y, z)}
+        if edge:
+            pieces["lip"] = (front, y, (z[1], z[1] + s.between(0.02, 0.05)))
         shapes = [shape("panel_board", "oak", pieces), shape("panel_tray", "birch", inside)]
     else:
-        at, frame, room, motion = _door(s, front[0], y, z)
-        shapes = [shape("panel_board", "oak", {"board": (front, y, z)})]
-    shapes.append(shape("panel_handle", "dark_steel", handle_pieces(s, at, frame, room), 2000.0))
+        at, frame, room, motion = _door(s, front[0], y, z, anywhere=kind == "panel_wide_door")
+        if edge:
+            side = 1.0 if at[1] > 0.0 else -1.0
+            ends = sorted((side * wide / 2, side * (wide / 2 + s.between(0.02, 0.05))))
+            pieces["lip"] = (front, (ends[0], ends[1]), z)
+        shapes = [shape("panel_board", "oak", pieces)]
+    if not edge:
+        handle = handle_pieces(s, at, frame, room)
+        shapes.append(shape("panel_handle", "dark_steel", handle, 2000.0))
     return linked([body, Part(name="panel", shapes=tuple(shapes), motion=motion)])
 
 
-def _door(s: Sampler, x: float, y: Span, z: Span) -> tuple[Vec3, Frame, float, Motion]:
-    """Return place, axes and room of the handle of a door, and its hinge."""
+def _door(
+    s: Sampler, x: float, y: Span, z: Span, *, anywhere: bool
+) -> tuple[Vec3, Frame, float, Motion]:
+    """Return place, axes and room of the handle of a door, and its hinge.
+
+    The handle is near the free edge, or ``anywhere`` on a door about a vertical axis.
+    """
     wide, high, upper = y[1] - y[0], z[1] - z[0], s.between(1.2, 2.4)
     edge = s.between(0.05, 0.12)
-    if s.chance(0.75):
+    if anywhere:
+        edge = s.between(0.04, 0.65 * wide)
+    if anywhere or s.chance(0.75):
         side = LEFT if s.chance(0.5) else RIGHT
         at = (x, side * (edge - wide / 2), sum(z) / 2 + 0.25 * high * s.between(-1, 1))
         frame, room = (FRONT_UPRIGHT, 0.5 * high) if s.chance(0.75) else (FRONT_LEVEL, 1.6 * edge)
@@ -187,13 +209,32 @@ def _lid(s: Sampler) -> list[Part]:
     return linked([box, Part(name="panel", shapes=(board, handle), motion=motion)])
 
 
+def _thin_lid(s: Sampler) -> list[Part]:
+    """Return a flat box, as of a laptop or a case, with a thin lid that projects in front."""
+    wide, deep = s.between(0.22, 0.45), s.between(0.18, 0.35)
+    high, thick = s.log_between(0.015, 0.1), s.log_between(0.006, 0.02)
+    x, y, low = around(0.0, deep), around(0.0, wide), high + GAP_M
+    box = Part(name="body", shapes=(shape("body_box", "dark_steel", {"box": (x, y, (0.0, high))}),))
+    out = s.between(0.008, 0.04)
+    length = s.between(0.06, wide) if s.chance(0.5) else wide
+    middle = around(0.5 * (wide - length) * s.between(-1, 1), length)
+    pieces: dict[str, Piece] = {
+        "board": (x, y, (low, low + thick)),
+        "lip": ((x[0] - out, x[0]), middle, (low, low + thick)),
+    }
+    board = shape("panel_board", "oak", pieces, s.between(500.0, 2000.0))
+    at, upper = (x[1], 0.0, low), s.between(1.5, 2.3)
+    motion = hinge("body", "panel", at, (0.0, 1.0, 0.0), upper, stiff=s.log_between(0.02, 0.3))
+    return linked([box, Part(name="panel", shapes=(board,), motion=motion)])
+
+
 def write_panel(object_id: str, folder: Path) -> Path:
     """Write the object ``<kind>-<seed>`` below ``folder``, unless it is there; return its URDF."""
     kind, _, seed = object_id.rpartition("-")
     file = folder / object_id / f"{kind}.urdf"
     if not file.exists():
         write_urdf(kind, panel_parts(kind, int(seed)), file.parent)
-        category = "Box" if kind == "panel_lid" else "StorageFurniture"
+        category = "Box" if kind.endswith("lid") else "StorageFurniture"
         origin = {"source": f"{kind}, seed {seed}", "licence": LICENCE, "category": category}
         write_json(file.parent / "source.json", origin)
     return file

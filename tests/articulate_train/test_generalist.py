@@ -43,7 +43,7 @@ def config(scene):
     return TrainConfig(asset=str(scene.asset.folder), task="open_drawer")
 
 
-@pytest.mark.parametrize("task", ["open_door"])
+@pytest.mark.parametrize("task", ["open_door", "close_door"])
 def test_the_weights_are_small_and_their_origin_is_recorded_beside_them(task):
     file = weights_file(task)
     assert file.stat().st_size <= 2_000_000

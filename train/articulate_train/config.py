@@ -26,7 +26,9 @@ from articulate_envs.rewards import RewardConfig
 if TYPE_CHECKING:
     from articulate.task.task import Task
 
-GENERALIST_TASKS = ("open_drawer", "open_door", "open_lid")
+GENERALIST_TASKS = (
+    "open_drawer", "open_door", "open_lid", "close_drawer", "close_door", "close_lid",
+)  # fmt: skip
 """Tasks that the generalist policy was trained for."""
 SEEDS = 2**32
 """Upper bound of seeds, that of numpy's legacy generator, which Stable-Baselines3 seeds."""
@@ -378,7 +380,7 @@ class TrainConfig:
     policy is evaluated on the processors in either case."""
     initial_policy: Annotated[Literal["generalist", "random"], ADVANCED] = "generalist"
     """Initial weights of the policies: those of the generalist policy of the package, or random.
-    Tasks other than open_drawer, open_door and open_lid always start from random weights."""
+    Tasks open_joint and close_joint always start from random weights."""
     checkpoint_updates: Annotated[int, ADVANCED] = 20
     """Updates between checkpoints."""
     episodes: int = 200
