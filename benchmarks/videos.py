@@ -377,15 +377,12 @@ def confidence(args: argparse.Namespace) -> None:
 
     lines = [line for path in args.source for line in path.read_text("utf-8").splitlines()]
     rows = [row for row in map(json.loads, lines) if "figures" in row]
-    figures = [row["figures"] for row in rows]
-    x = np.array(
-        [[logit(f["probability of the joint"]), f["error of the motion"]] for f in figures]
-    )
+    x = np.array([[logit(row["figures"]["probability of the category"])] for row in rows])
     y = np.array([right(row) for row in rows])
     model = LogisticRegression()
     p = cross_val_predict(model, x, y, cv=LeaveOneOut(), method="predict_proba")[:, 1]
     model.fit(x, y)
-    print(f"MOTION = ({model.intercept_[0]:.3f}, {model.coef_[0, 0]:.3f}, {model.coef_[0, 1]:.3f})")
+    print(f"MOTION = ({model.intercept_[0]:.3f}, {model.coef_[0, 0]:.3f})")
     for limit in np.arange(0.4, 0.95, 0.05):
         kept = p >= limit
         print(f"limit {limit:.2f}: {kept.sum()} of {len(y)} kept, {y[kept].sum()} right")

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.fitting.categories import USUAL, generate
-from articulate.reconstruct.fitting.confidence import MIN_CONFIDENCE, Evidence, MotionEvidence
+from articulate.reconstruct.fitting.confidence import (
+    MIN_JOINT,
+    MIN_MOTION,
+    Evidence,
+    MotionEvidence,
+)
 from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.fitting.operated_parts import (
     OperatedPart,
@@ -105,7 +110,7 @@ def propose_from_video(
         UsageError: No object is found.
     """
     masks = [object_mask(view.image, view.moving_px) for view in views]
-    probabilities = with_hints(_probabilities(views, masks, p_revolute), hints)
+    probabilities = with_hints(_probabilities(views[0], masks[0], p_revolute), hints)
     candidates = [
         candidate
         for category in _categories(probabilities)
@@ -118,9 +123,8 @@ def propose_from_video(
     same = np.array([one.answer == best.answer for one in candidates])
     named = np.array([one.category == best.category for one in candidates])
     known = MotionEvidence(
-        answer=float(scores[same].sum() / scores.sum()),
         category=float(scores[named].sum() / scores.sum()) * _share(probabilities, candidates),
-        cost=best.match.cost,
+        joint=float(scores[same].sum() / scores[named].sum()),
     )
     generated, front = best.operated.generated, best.front
     evidence: dict[str, Source] = {
@@ -145,21 +149,15 @@ def propose_from_video(
     )
 
 
-def _probabilities(
-    views: Sequence[VideoView], masks: Sequence[NDArray[np.bool_]], p_revolute: float
-) -> dict[str, float]:
-    """Combine the views and the type of the motion."""
-    found = [
-        category_probabilities(view.image, crop_around(view.image, mask))
-        for view, mask in zip(views, masks, strict=True)
-    ]
-    mean = {
-        name: float(np.exp(np.mean([np.log(one[name] + 1e-6) for one in found])))
-        for name in found[0]
-    }
-    slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in mean}
+def _probabilities(view: VideoView, mask: NDArray[np.bool_], p_revolute: float) -> dict[str, float]:
+    """Combine the appearance and the type of the motion.
+
+    The first frame is used: in it, most objects are closed, and less often covered by a person.
+    """
+    seen = category_probabilities(view.image, crop_around(view.image, mask))
+    slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in seen}
     motion = {n: p_revolute * (1.0 - s) + (1.0 - p_revolute) * s for n, s in slides.items()}
-    return multiply(mean, motion)
+    return multiply(seen, motion)
 
 
 def _categories(probabilities: Mapping[str, float]) -> list[str]:
@@ -225,17 +223,18 @@ def _candidates(
 
 
 def _doubts(best: _Candidate, known: MotionEvidence) -> list[str]:
-    if known.confidence() >= MIN_CONFIDENCE:
-        return []
-    if known.category < known.answer + 0.1:
-        return [
+    doubts = []
+    if known.confidence() < MIN_MOTION:
+        doubts.append(
             f"the category {words(best.category)} has a probability of {known.category:.0%}; name "
             "the object with --text"
-        ]
-    return [
-        f"it is uncertain which part moves in the video, and how (probability {known.answer:.0%}); "
-        "record it from another side, with the camera at rest"
-    ]
+        )
+    if known.joint < MIN_JOINT:
+        doubts.append(
+            f"it is uncertain which part moves in the video, and how (probability {known.joint:.0%}"
+            "); record it from another side, with the camera at rest"
+        )
+    return doubts
 
 
 def _motion_step(best: _Candidate, known: MotionEvidence, image: Pixels) -> TraceStep:
@@ -256,7 +255,7 @@ def _motion_step(best: _Candidate, known: MotionEvidence, image: Pixels) -> Trac
         figures={
             "error of the motion": round(best.match.cost, 3),
             "widest position, as a share of the range": round(widest / joint.span, 2),
-            "probability of the joint": round(known.answer, 4),
+            "probability of the joint": round(known.joint, 4),
             "probability of the category": round(known.category, 4),
             "confidence": round(known.confidence(), 3),
         },

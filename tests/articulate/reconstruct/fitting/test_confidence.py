@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from articulate.reconstruct.fitting.confidence import MIN_CONFIDENCE, Evidence
+from articulate.reconstruct.fitting.confidence import (
+    MIN_CONFIDENCE,
+    MIN_MOTION,
+    Evidence,
+    MotionEvidence,
+)
 
 
 def test_confidence_grows_with_the_evidence() -> None:
@@ -26,3 +31,8 @@ def test_confidence_grows_with_the_evidence() -> None:
 )
 def test_the_weakest_evidence_is_named(known: Evidence, weakest: str) -> None:
     assert known.weakest() == weakest
+
+
+def test_a_video_is_certain_only_if_its_category_is() -> None:
+    sure, unsure = (MotionEvidence(category=p, joint=0.9).confidence() for p in (0.8, 0.5))
+    assert sure > MIN_MOTION > unsure
