@@ -357,6 +357,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     known = ("category_right", "type_right", "kind_right", "side_right", "axis_right")
     for name in (*known, "range_right"):
         scored = [r for r in rows if name in r or "error" in r]
+        if not scored:
+            continue
         share = wilson(sum(bool(r.get(name)) for r in scored), len(scored))
         out[name] = [sum(bool(r.get(name)) for r in scored), len(scored), share.low, share.high]
     sure = [r for r in rows if not r["doubtful"]]
