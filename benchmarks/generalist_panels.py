@@ -34,7 +34,6 @@ from articulate.library.procedural.urdf import Motion, Part, write_urdf
 KINDS = (
     "panel_drawer", "panel_door", "panel_lid",
     "panel_wide_door", "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
-    "panel_wire_door", "panel_wire_drawer", "panel_wire_lid",
 )  # fmt: skip
 """Names of the objects; the last word is what moves. New ones are added at the end: the random
 numbers depend on the order."""
@@ -69,9 +68,7 @@ class Sampler:
         return bool(self.rng.random() < share)
 
 
-def handle_pieces(
-    s: Sampler, at: Vec3, frame: Frame, room_m: float, *, wire: bool = False
-) -> dict[str, Piece]:
+def handle_pieces(s: Sampler, at: Vec3, frame: Frame, room_m: float) -> dict[str, Piece]:
     """Return the solids of a handle.
 
     Args:
@@ -79,7 +76,6 @@ def handle_pieces(
         at: Its middle on the surface [m].
         frame: Its axes.
         room_m: Largest length [m].
-        wire: True for a thin bar close to the surface.
     """
 
     def placed(along: Span, across: Span, out: Span) -> Piece:
@@ -91,14 +87,11 @@ def handle_pieces(
         spans[frame[2]] = (ends[0], ends[1])
         return (spans[0], spans[1], spans[2])
 
-    kind = "bar" if wire else HANDLES[int(s.rng.choice(3, p=(0.45, 0.35, 0.2)))]
+    kind = HANDLES[int(s.rng.choice(3, p=(0.45, 0.35, 0.2)))]
     if kind == "bar":
         length = min(s.between(0.07, 0.32), room_m)
         thick, deep = s.log_between(0.007, 0.035), s.log_between(0.007, 0.03)
         clear, half = s.between(0.022, 0.055), length / 2
-        if wire:
-            thick, deep = s.log_between(0.003, 0.01), s.log_between(0.003, 0.01)
-            clear = s.between(0.012, 0.035)
         side, foot = around(0.0, thick), min(0.012, thick)
         return {
             "bar": placed((-half, half), side, (clear, clear + deep)),
@@ -121,8 +114,8 @@ def handle_pieces(
 def panel_parts(kind: str, seed: int) -> list[Part]:
     """Return the links of an object, z up, the front towards -x, floor at z = 0."""
     s = Sampler(kind, seed)
-    if kind in {"panel_lid", "panel_wire_lid"}:
-        return _lid(s, wire=kind == "panel_wire_lid")
+    if kind == "panel_lid":
+        return _lid(s)
     if kind == "panel_thin_lid":
         return _thin_lid(s)
     drawer, edge = kind.endswith("drawer"), "edge" in kind
@@ -154,7 +147,7 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
             pieces["lip"] = (front, (ends[0], ends[1]), z)
         shapes = [shape("panel_board", "oak", pieces)]
     if not edge:
-        handle = handle_pieces(s, at, frame, room, wire="wire" in kind)
+        handle = handle_pieces(s, at, frame, room)
         shapes.append(shape("panel_handle", "dark_steel", handle, 2000.0))
     return linked([body, Part(name="panel", shapes=tuple(shapes), motion=motion)])
 
@@ -183,8 +176,8 @@ def _door(
     return at, frame, room, hinge("body", "panel", (x, 0.0, near), axis, min(upper, 1.6))
 
 
-def _lid(s: Sampler, *, wire: bool) -> list[Part]:
-    """Return a box with a lid that turns about its rear edge; ``wire``: with a thin bar above."""
+def _lid(s: Sampler) -> list[Part]:
+    """Return a box with a lid that turns about its rear edge."""
     wide, deep, high = s.between(0.2, 0.5), s.between(0.18, 0.4), s.between(0.12, 0.4)
     thick = s.between(0.01, 0.03)
     x, y = around(0.0, deep), around(0.0, wide)
@@ -195,11 +188,11 @@ def _lid(s: Sampler, *, wire: bool) -> list[Part]:
     edge = s.between(0.03, 0.1)
     place = s.rng.random()
     board = shape("panel_board", "oak", {"board": (x, y, top)}, 500.0)
-    if wire or place < 0.4:
+    if place < 0.4:
         at = (x[0] + edge, 0.2 * wide * s.between(-1, 1), top[1])
         turned = s.chance(0.3)
         frame, room = (ABOVE_TURNED, 1.6 * edge) if turned else (ABOVE, 0.5 * wide)
-        pieces = handle_pieces(s, at, frame, room, wire=wire)
+        pieces = handle_pieces(s, at, frame, room)
     else:
         out, length = s.between(0.025, 0.045), s.between(0.05, 0.16)
         middle = around(0.25 * wide * s.between(-1, 1), length)
