@@ -11,7 +11,7 @@ from articulate_train.config import TrainConfig
 PLAIN = TrainConfig(asset="my cabinet/ä.urdf", joint="drawer_0_slide")
 OTHER = dataclasses.replace(
     PLAIN,
-    task="close_lid",
+    task="close_joint",
     closed="upper",
     size=0.7,
     category="Toilet",
