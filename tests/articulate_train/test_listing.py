@@ -62,8 +62,11 @@ def test_joint_without_limits_or_handle_is_listed(tmp_path, monkeypatch):
 def test_joints_of_the_asset_flag_are_listed(capsys, checked):
     assert main(["train", "--list-joints", "box"]) == 0
     first = capsys.readouterr().out
-    assert main(["train", "--asset", "box", "--list-joints"]) == 0
-    assert capsys.readouterr().out == first
+    for words in (["--asset", "box", "--list-joints"], ["--list-joints", "--asset", "box"]):
+        assert main(["train", *words]) == 0
+        assert capsys.readouterr().out == first
+    assert main(["train", "--asset", "box", "--list-joints", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["asset"] == "box"
 
 
 def test_help_is_not_a_list():

@@ -50,8 +50,11 @@ def requests_list(argv: Sequence[str]) -> bool:
 def show_list(argv: Sequence[str]) -> int:
     """Print the lists of the flags in ``argv``; ``--asset X --list-joints`` is accepted too."""
     words = list(argv)
-    if "--asset" in words and words[-1] == "--list-joints":
-        words[words.index("--asset")] = words.pop()
+    if "--asset" in words and "--list-joints" in words:
+        at = words.index("--list-joints")
+        if at + 1 == len(words) or words[at + 1].startswith("-"):
+            words[words.index("--asset")] = "--list-joints"
+            del words[at]
     flags = parse(ListFlags, words, prog="train")
     from articulate_train.list_joints import joint_rows, task_rows  # see commands/train.py
 
