@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 
-from articulate.benchmark.rendered_photo import render_photo
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.reconstruct.fitting.propose import crop_around
 from articulate.reconstruct.images import only_joint, poses_at
@@ -23,6 +22,7 @@ from articulate.reconstruct.make_object import part_meshes, predicted_joints
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.recognition.classifier import classify
 from articulate.render.raster import Pixels
+from articulate.render.rendered_photo import render_photo
 from articulate.transforms import Array
 
 OPEN_SHARE = 0.3

@@ -22,13 +22,13 @@ import numpy as np
 
 from articulate.benchmark.chamfer import N_POINTS, chamfer, surface_points
 from articulate.benchmark.dataset import Dataset, open_dataset
-from articulate.benchmark.rendered_photo import RenderedPhoto, render_photo
 from articulate.benchmark.split import half
 from articulate.errors import ArticulateError
 from articulate.reconstruct.fitting.propose import object_mask, propose
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.retrieval import RetrievalIndex, read_index, write_entry
 from articulate.render.parts import PartMesh
+from articulate.render.rendered_photo import RenderedPhoto, render_photo
 from articulate.statistics import clustered_mean
 
 PUBLISHED = {

@@ -20,13 +20,6 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from articulate.benchmark.rendered_photo import (
-    AZIMUTH_DEG,
-    ELEVATION_DEG,
-    FILL,
-    FOCAL_MM,
-    background,
-)
 from articulate.errors import ConfigError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.front_layout import FrontLayout, FrontPanel
@@ -42,6 +35,13 @@ from articulate.reconstruct.recognition.classifier import SIDE_PX, feature_maps
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
+from articulate.render.rendered_photo import (
+    AZIMUTH_DEG,
+    ELEVATION_DEG,
+    FILL,
+    FOCAL_MM,
+    background,
+)
 from articulate.render.scene import NO_PART, Light, PartScene
 from articulate.transforms import Array
 

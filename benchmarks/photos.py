@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from articulate.benchmark.dataset import open_dataset
-from articulate.benchmark.rendered_photo import render_photo
 from articulate.benchmark.split import half
 from articulate.errors import ArticulateError
 from articulate.library.procedural.categories import CATEGORIES
@@ -33,6 +32,7 @@ from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import image_query
 from articulate.render.parts import joint_bounds
 from articulate.render.raster import Pixels
+from articulate.render.rendered_photo import render_photo
 from articulate.statistics import wilson
 
 KINDS = {

@@ -31,7 +31,6 @@ from scipy.spatial import cKDTree
 
 from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
 from articulate.benchmark.operated_joint import Conditions
-from articulate.benchmark.rendered_photo import render_photo
 from articulate.benchmark.rendered_video import render_operated
 from articulate.benchmark.split import half
 from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
@@ -48,6 +47,7 @@ from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.reconstruct.scan.scan_parts import names_of
 from articulate.reconstruct.scan.view_parts import add_view
+from articulate.render.rendered_photo import render_photo
 from articulate.transforms import Array, Ints
 from scan_shells import fused_shell, nearest_part
 

@@ -23,7 +23,6 @@ from articulate.benchmark.operated_joint import (
     sample_positions,
     sample_shoulder,
 )
-from articulate.benchmark.rendered_photo import sample_camera
 from articulate.benchmark.surroundings import (
     Arm,
     sample_arm,
@@ -36,6 +35,7 @@ from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.joint_video import Video
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
+from articulate.render.rendered_photo import sample_camera
 from articulate.render.scene import Light, PartScene
 from articulate.transforms import Array, apply, axis_angle_to_matrix, normalised, pose
 

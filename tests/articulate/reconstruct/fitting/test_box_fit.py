@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from scipy.ndimage import correlate
 
-from articulate.benchmark.rendered_photo import render_photo
 from articulate.reconstruct.fitting import box_fit
 from articulate.reconstruct.fitting.box_cost import N_PARAMETERS, overlap, project
 from articulate.reconstruct.fitting.box_fit import box_corners, camera_of
@@ -20,6 +19,7 @@ from articulate.reconstruct.fitting.box_network import (
 from articulate.reconstruct.fitting.decoder import Network, read_network
 from articulate.reconstruct.recognition.classifier import SIDE_PX
 from articulate.render.parts import plain_part
+from articulate.render.rendered_photo import render_photo
 
 PARAMETERS = np.array([0.3, -0.2, 0.5, 0.4, 0.02, 1.6, 0.2, 0.51, 0.46])
 

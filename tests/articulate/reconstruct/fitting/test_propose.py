@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pytest
 
-from articulate.benchmark.rendered_photo import RenderedPhoto, render_photo
 from articulate.commands import main
 from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
@@ -32,6 +31,7 @@ from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh
+from articulate.render.rendered_photo import RenderedPhoto, render_photo
 from articulate.render.scene import PartScene
 from articulate.transforms import Array, apply
 
