@@ -53,10 +53,13 @@ def make_cabinet(
     return _write("cabinet", folder, bodies, links, joints, handles)
 
 
-def make_cupboard(folder: Path, *, degrees: float = 120.0) -> Asset:
+def make_cupboard(
+    folder: Path, *, degrees: float = 120.0, neighbour_m: float | None = None
+) -> Asset:
     """A cupboard in ``folder`` with one ``door`` on the upright hinge ``door_hinge`` at its left.
 
-    Closed at 0; it opens towards -x up to ``degrees``. The handle is a vertical bar at the right.
+    Closed at 0; it opens towards -x up to ``degrees``. The handle is a vertical bar at the right;
+    ``neighbour_m`` to the right of it is a bar that does not move, like that of a second door.
     """
     pos = (-DEPTH_M / 2 - 0.011, WIDTH_M / 2, HEIGHT_M / 2)
     joint = Joint(
@@ -85,7 +88,11 @@ def make_cupboard(folder: Path, *, degrees: float = 120.0) -> Asset:
     bounds = ((-0.051, -0.448, -0.298), (0.009, -0.002, 0.298))
     links = [_carcass(), _link("door", "carcass", pos, 3.0, bounds)]
     handle = _handle("door", joint.name, (-0.045, edge, 0.0), (0.0, 0.0, 1.0))
-    return _write("cupboard", folder, body, links, [joint], [handle])
+    walls = _walls()
+    if neighbour_m is not None:
+        beside = (pos[0] - 0.045, pos[1] + edge - neighbour_m, pos[2])
+        walls.append((beside, (0.006, 0.006, 0.06)))
+    return _write("cupboard", folder, body, links, [joint], [handle], walls=walls)
 
 
 def make_box(folder: Path, *, degrees: float = 50.0) -> Asset:

@@ -20,6 +20,7 @@ from articulate_envs.compiled.post_step import (
 )
 from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.engine import State
+from articulate_envs.grasp import Grasp
 from articulate_envs.rewards import (
     TERMS,
     RewardConfig,
@@ -86,7 +87,7 @@ def terms(
     params = PostStepParams(
         terms=term_params(config),
         travel=as_numbers(config.travel),
-        task=stack_rows([reward_task(task, along_m=along_m, thick_m=thick_m)]),
+        task=stack_rows([reward_task(task, Grasp(along_m=along_m, thick_m=thick_m))]),
         goal=stack_rows([goal_params(task)]),
         observation=cast(Any, None),  # the reward reads neither
         estimator=cast(Any, None),

@@ -144,13 +144,15 @@ class Episodes:
 
     def _post_step_params(self) -> PostStepParams:
         scenes = [self.engine.scenes[k] for k in self.engine.scene_of]
-        grasps = [grasp_of(scene.asset.handle_of(scene.task.joint)) for scene in scenes]
+        grasps = [
+            grasp_of(scene.asset.handle_of(scene.task.joint), scene.placement) for scene in scenes
+        ]
         return PostStepParams(
             terms=term_params(self.reward),
             travel=as_numbers(self.reward.travel),
             task=stack_rows(
                 [
-                    reward_task(scene.task, along_m=grasp.along_m, thick_m=grasp.thick_m)
+                    reward_task(scene.task, grasp)
                     for scene, grasp in zip(scenes, grasps, strict=True)
                 ]
             ),

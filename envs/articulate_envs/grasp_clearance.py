@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from articulate.errors import PathError, ReachError
@@ -17,6 +19,45 @@ MAX_OVERLAP_M = 0.003
 """Overlap of collision shapes of gripper and object that is accepted [m]."""
 BACK_M = (0.0, 0.005, 0.01, 0.015)
 """Distances by which the gripper may stay behind the middle of the handle [m]."""
+ENOUGH_M = 0.006
+"""Clearance of an open gripper at the handle from which it is centred on the handle [m]: the
+position of a handle is estimated to 4 mm."""
+BESIDE_M = (0.006, -0.006, 0.012, -0.012, 0.018, -0.018)
+"""Shifts of the grasp across the handle in the order of preference [m]."""
+GAIN_M = 0.001
+"""Clearance that a larger shift must gain [m]."""
+TOUCH_M = 0.0005
+"""Overlap from which closing fingers meet something [m]."""
+SPACE_M, SWEEP_STEPS = 0.001, 6
+"""Distance between a finger and the handle that it reaches [m], and steps on the way there."""
+FINGER_ROOM_M = 0.010
+"""Least distance of the handle's side from a finger of the shifted gripper [m]."""
+
+
+def shift_beside(scene: Scene) -> float:
+    """Return the shift of the grasp [m] at which an open gripper is clear of the object.
+
+    Open fingers reach 55 mm to either side of a handle, often onto the handle of the next door. The
+    shift is 0 where the centred gripper has room, or where none of :data:`BESIDE_M` gives it room;
+    see :attr:`.ObjectPlacement.beside_m`.
+
+    Args:
+        scene: Scene with the grasp in the middle of the handle.
+    """
+    handle = scene.asset.handle_of(scene.task.joint)
+    if handle is None or handle.kind in ("push", "none"):
+        return 0.0
+    best_m, shift_m = _clearance(scene, 0.0), 0.0
+    if best_m >= ENOUGH_M:
+        return 0.0
+    most_m = (scene.arm.gripper.max_width_m - handle.extent[1]) / 2.0 - FINGER_ROOM_M
+    best_m = max(best_m, 0.0)
+    for beside_m in BESIDE_M:
+        if abs(beside_m) > most_m or not _can_close(scene, beside_m, handle.extent[1]):
+            continue
+        if (found_m := _clearance(scene, beside_m)) > best_m + GAIN_M:
+            best_m, shift_m = found_m, beside_m
+    return shift_m
 
 
 def check_grasp(scene: Scene) -> float:
@@ -53,8 +94,42 @@ def check_grasp(scene: Scene) -> float:
     return best
 
 
-def _overlap(scene: Scene, opened: float, back_m: float) -> float:
-    """Return the deepest contact [m] of the gripper, ``back_m`` behind the handle."""
+def _can_close(scene: Scene, beside_m: float, thick_m: float) -> bool:
+    """Return True if the far finger meets nothing on its way to the handle.
+
+    The near finger touches the handle first and moves the gripper there.
+    """
+    half, off = scene.arm.gripper.max_width_m / 2.0, abs(beside_m)
+    near, nearest = min(off + thick_m / 2.0 + SPACE_M, half), thick_m / 2.0 - off + SPACE_M
+    positive = (beside_m < 0.0) != scene.placement.flip  # the handle is towards +y of the gripper
+    opened = opening_range(scene.task)[0]
+    return all(
+        _overlap(scene, opened, 0.0, beside_m, fingers=(near, -far) if positive else (far, -near))
+        <= TOUCH_M
+        for far in np.linspace(half, nearest, SWEEP_STEPS)
+    )
+
+
+def _clearance(scene: Scene, beside_m: float) -> float:
+    """Return the clearance [m] of an open gripper along the path, at most :data:`ENOUGH_M`."""
+    path = np.linspace(*opening_range(scene.task), 3)
+    return -max(_overlap(scene, opened, 0.0, beside_m, margin_m=ENOUGH_M) for opened in path)
+
+
+def _overlap(
+    scene: Scene,
+    opened: float,
+    back_m: float,
+    beside_m: float = 0.0,
+    *,
+    margin_m: float = 0.0,
+    fingers: tuple[float, float] | None = None,
+) -> float:
+    """Return the deepest contact [m] of the gripper, ``back_m`` behind and beside the handle.
+
+    Distances up to ``margin_m`` count as negative contacts. ``fingers`` are the positions of both
+    on the closing axis [m]; by default they are open.
+    """
     placement = scene.placement
     T_wh = handle_in_world(
         scene.asset,
@@ -64,14 +139,28 @@ def _overlap(scene: Scene, opened: float, back_m: float) -> float:
         opened=np.full(1, opened),
         flip=placement.flip,
     )
-    T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
+    across_m = -beside_m if placement.flip else beside_m
+    T_wh[:, :3, 3] += across_m * T_wh[:, :3, 1] - back_m * T_wh[:, :3, 2]
     q = solve_ik(scene.arm, T_wh, np.asarray(placement.start_q), iterations=80).q[0]
-    return _deepest(scene, q, opened, GRIPPER_BODY)
+    return _deepest(scene, q, opened, GRIPPER_BODY, margin_m, fingers)
 
 
-def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
-    """Return the deepest contact [m] of bodies from ``above`` on with the object at ``q`` (7,)."""
+def _deepest(
+    scene: Scene,
+    q: Array,
+    opened: float,
+    above: str,
+    margin_m: float = 0.0,
+    fingers: tuple[float, float] | None = None,
+) -> float:
+    """Return the deepest contact [m] of bodies from ``above`` on with the object at ``q`` (7,).
+
+    It is negative where they are apart, at least ``-margin_m``.
+    """
     model, at = scene.nominal, scene.at
+    if margin_m:
+        model = copy(model)
+        model.geom_margin[:] = margin_m
     data = mujoco.MjData(model)
     for joint in scene.asset.joints:
         part = opened if joint.name == scene.task.joint else 0.0
@@ -80,10 +169,10 @@ def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
     pushes = handle is not None and handle.kind == "push"
     half = 0.0 if pushes else scene.arm.gripper.max_width_m / 2.0
     data.qpos[at.arm_q : at.arm_q + 7] = q
-    data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
+    data.qpos[at.finger_q : at.finger_q + 2] = fingers or (half, -half)
     mujoco.mj_forward(model, data)
     first = model.body(above).id
-    deepest = 0.0
+    deepest = -margin_m
     for contact in data.contact:
         bodies = model.geom_bodyid[contact.geom]
         names = [model.body(b).name for b in bodies]

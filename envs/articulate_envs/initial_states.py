@@ -14,6 +14,7 @@ from articulate.transforms import Array, Ints, pose
 from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
+from articulate_envs.grasp import grasp_of
 
 if TYPE_CHECKING:  # configurations are light to import, scenes are not
     from articulate_envs.scene import Scene
@@ -73,9 +74,10 @@ def precompute_states(
     sides = np.where(off_target, aside, 0.0) * rng.uniform(-1.0, 1.0, (2, n))
     closing = ~(grip | empty | off_target) & (rng.random(n) < config.closing_share)
     back = np.where(closing, 0.0, back)
+    handle = scene.asset.handle_of(scene.task.joint)
+    sides[1] += np.where(grip, grasp_of(handle, scene.placement).beside_m, 0.0)
     goals = goals @ pose(np.stack([*sides, -back], axis=1))
     found = solve_ik(scene.arm, goals, np.asarray(scene.placement.start_q), iterations=80)
-    handle = scene.asset.handle_of(scene.task.joint)
     thick = handle.extent[1] if handle is not None else 0.02
     held = np.clip(thick * params["scale"], 0.0, scene.arm.gripper.max_width_m)
     ok = found.reached

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from articulate.task.floor_pose import parse_floor_pose
 from articulate.task.object_placement import ObjectPlacement, handle_poses
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task, closes, make_task, matching_joints, no_joint_error
-from articulate_envs.grasp_clearance import check_grasp
+from articulate_envs.grasp_clearance import check_grasp, shift_beside
 from articulate_envs.handle_candidates import handle_candidates
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.placement_at import describe_nearest, placement_at
@@ -113,19 +113,20 @@ def choose_scene(
             later[joint] = followable
             for handle in candidates:
                 try:
-                    scene = _reached(config, asset, task, handle)
+                    scenes = list(_reached(config, asset, task, handle))
                 except ReachError as error:
                     reasons.setdefault(joint, str(error).removeprefix(f"{asset.name}: "))
                     if isinstance(error, PathError):
                         followable.append(handle)
                     continue
                 followable.append(handle)
-                success = 1.0 if rate is None else rate(scene)
-                n_rated += 1
-                if best is None or success > best[0]:
-                    best = success, scene
-                if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
-                    return best[1]
+                for scene in scenes:
+                    success = 1.0 if rate is None else rate(scene)
+                    n_rated += 1
+                    if best is None or success > best[0]:
+                        best = success, scene
+                    if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
+                        return best[1]
         if best is not None and best[0] >= FAIR_SUCCESS:
             break
         handles = later
@@ -181,8 +182,14 @@ def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
     )
 
 
-def _reached(config: JointSelectionConfig, asset: Asset, task: Task, handle: Handle) -> Scene:
-    """Return the scene of one handle; ReachError if it cannot be reached or grasped."""
+def _reached(
+    config: JointSelectionConfig, asset: Asset, task: Task, handle: Handle
+) -> Iterator[Scene]:
+    """Yield scenes of one handle: held beside its middle if that is needed, then at its middle.
+
+    Raises:
+        ReachError: It cannot be reached or grasped.
+    """
     held = asset.with_handle(handle)
     if config.placement is None:
         placement = find_placement(held, task, PANDA, config.randomization)
@@ -192,15 +199,17 @@ def _reached(config: JointSelectionConfig, asset: Asset, task: Task, handle: Han
     if handle != asset.handle_of(task.joint):
         placement = replace(placement, handle=handle)
     build = partial(
-        build_scene,
-        asset,
-        task,
-        arm=PANDA,
-        control=config.control,
-        physics=config.physics,
-        placement=placement,
+        build_scene, asset, task, arm=PANDA, control=config.control, physics=config.physics
     )
-    scene = build()
-    check_grasp(scene)
-    scales = config.randomization.scale_values
-    return scene if scales == (1.0,) else build(scales=scales)
+    scene, scales = build(placement=placement), config.randomization.scale_values
+    if beside_m := shift_beside(scene):
+        beside = replace(placement, beside_m=beside_m)
+        check_grasp(build(placement=beside))
+        yield build(placement=beside, scales=scales)
+    try:
+        check_grasp(scene)
+    except ReachError:
+        if beside_m == 0.0:
+            raise
+        return
+    yield scene if scales == (1.0,) else build(placement=placement, scales=scales)

@@ -18,6 +18,7 @@ from articulate.jit import row_function
 
 if TYPE_CHECKING:
     from articulate.task.task import Task
+    from articulate_envs.grasp import Grasp
 
 HELD_SHARE = 0.6
 """Smallest opening of fingers with the handle between them, as a share of its thickness; closer
@@ -43,6 +44,9 @@ class RewardTask(NamedTuple):
     """Distance from the handle's middle along its long axis that still counts as its middle [m]."""
     thick_m: float = 0.0
     """Thickness of the handle between the fingers [m]."""
+    beside_m: float = 0.0
+    """Position of the handle's middle along the closing axis of the gripper [m]; all places from 0
+    to it count as its middle."""
     pad_m: float = 0.008
     """Extent of the finger pads along the approach [m]."""
 
@@ -551,8 +555,8 @@ def term_params(config: RewardConfig) -> tuple[Any, ...]:
     return tuple(as_numbers(getattr(config, name)) for name in TERMS)
 
 
-def reward_task(task: Task, *, along_m: float, thick_m: float) -> RewardTask:
-    """Return the constants of ``task`` and of a handle; see :class:`RewardTask`."""
+def reward_task(task: Task, grasp: Grasp) -> RewardTask:
+    """Return the constants of ``task`` and of the grasp of its handle."""
     from articulate.robot.arm import PAD_M  # imports numpy
 
     return RewardTask(
@@ -561,7 +565,8 @@ def reward_task(task: Task, *, along_m: float, thick_m: float) -> RewardTask:
         target=float(task.target),
         stop=math.nan if task.stop is None else float(task.stop),
         length_m=1.0 if task.kind == "slide" else 0.2,
-        along_m=float(along_m),
-        thick_m=float(thick_m),
+        along_m=float(grasp.along_m),
+        thick_m=float(grasp.thick_m),
+        beside_m=float(grasp.beside_m),
         pad_m=PAD_M,
     )

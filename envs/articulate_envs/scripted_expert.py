@@ -96,6 +96,9 @@ class ScriptedExpert:
     """Thickness of the handle between the fingers (N,) [m]."""
     deep_m: Array
     """Distance beyond the middle of the handle at which the fingers close (N,) [m]."""
+    beside_m: Array
+    """Position of the handle's middle along the closing axis (N,) [m]; the fingers may be centred
+    anywhere from 0 to it."""
     pushes: Mask
     """True where closed fingers push the part instead of holding it (N,)."""
     aim: Array
@@ -136,7 +139,11 @@ class ScriptedExpert:
         """Return masks (N,): the fingers hold the handle; they have closed on nothing."""
         thick = self.thick_m * params["scale"]
         closing, width = state.gripper.closing > 0.0, state.gripper_width
-        between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + BESIDE_M
+        across = T_ht[:, 1, 3]
+        across = across - np.clip(
+            across, np.minimum(self.beside_m, 0.0), np.maximum(self.beside_m, 0.0)
+        )
+        between = np.abs(across) <= 0.5 * thick + BESIDE_M
         between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
         empty = closing & (width < np.where(between, HELD_SHARE * thick, SHUT_M))
         held = closing & between & ~empty & (width <= thick + HELD_M)
@@ -202,7 +209,7 @@ def make_scripted_expert(scene: Scene, *others: Scene) -> ScriptedExpert:
     scenes = (scene, *others)
     paths = [handle_path_of(one.asset, one.task.joint, flip=one.placement.flip) for one in scenes]
     handles = [one.asset.handle_of(one.task.joint) for one in scenes]
-    grasps = [grasp_of(handle) for handle in handles]
+    grasps = [grasp_of(handle, one.placement) for handle, one in zip(handles, scenes, strict=True)]
     turns = [path.T_oh[:3, :3].T for path in paths]
     return ScriptedExpert(
         control=scene.control,
@@ -215,6 +222,7 @@ def make_scripted_expert(scene: Scene, *others: Scene) -> ScriptedExpert:
         along_m=np.array([grasp.along_m for grasp in grasps]),
         thick_m=np.array([grasp.thick_m for grasp in grasps]),
         deep_m=np.array([_deep_m(handle) for handle in handles]),
+        beside_m=np.array([grasp.beside_m for grasp in grasps]),
         pushes=np.array([h is not None and h.kind == "push" for h in handles]),
         aim=np.array([_aim(one.task) for one in scenes]),
     )

@@ -24,6 +24,7 @@ from articulate.assets.asset import Handle
 from articulate.errors import ConfigError
 from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import tool_pose
+from articulate.task.object_placement import ObjectPlacement
 from articulate.transforms import pose
 from articulate_envs.compiled.post_step import (
     handle_offset,
@@ -83,8 +84,28 @@ def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
         ([-0.07, 0.0, 0.04], 0.05),
     ):
         T_wt = T_wh @ pose(np.array(offset))
-        distance = np.linalg.norm(handle_offset(T_wt[0], T_wh[0], 0.04))
+        distance = np.linalg.norm(handle_offset(T_wt[0], T_wh[0], 0.04, 0.0))
         assert_allclose(distance, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("beside_m", [0.012, -0.012])
+def test_all_places_between_the_frame_and_the_handle_beside_it_are_its_middle(beside_m):
+    """A gripper that approaches beside a handle is moved onto it when it closes."""
+    T_wh = tool_pose(PANDA, HOME)
+    for share, expected in ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.5, 0.5), (-0.5, -0.5)):
+        T_wt = T_wh @ pose(np.array([0.0, share * beside_m, 0.0]))
+        y = handle_offset(T_wt[0], T_wh[0], 0.0, beside_m)[1]
+        assert_allclose(y, expected * beside_m, atol=1e-12)
+
+
+def test_a_flipped_gripper_has_the_handle_on_its_other_side():
+    placement = ObjectPlacement(
+        pos_w=(0.0, 0.0, 0.0), yaw_rad=0.0, flip=False, start_q=(0.0,) * 7,
+        joint_margin_rad=1.0, manipulability=1.0, reachable_share=1.0, beside_m=0.01,
+    )  # fmt: skip
+    flipped = dataclasses.replace(placement, flip=True)
+    assert grasp_of(handle(0.1), placement).beside_m == -0.01
+    assert grasp_of(handle(0.1), flipped).beside_m == 0.01
 
 
 def test_fingers_must_fit_on_the_part_of_a_handle_that_counts_as_its_middle():

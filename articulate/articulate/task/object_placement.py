@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from articulate.assets.asset import Asset, Handle
+from articulate.assets.asset import Asset, Handle, handle_frame
 from articulate.errors import ConfigError
 from articulate.jit import row_function
 from articulate.robot.arm import PAD_M
@@ -37,11 +37,15 @@ class ObjectPlacement:
     """Share of sampled poses and sizes at which the complete path is reachable."""
     tilt_rad: float = 0.0
     """Rotation of the grasp about the handle's long axis [rad]; see :func:`tilted`."""
+    beside_m: float = 0.0
+    """Shift of the grasp along the closing axis of the fingers, the y axis of
+    :func:`articulate.assets.asset.handle_frame` [m]: an open gripper that approaches beside the
+    middle of the handle stays clear of a neighbouring part."""
     handle: Handle | None = None
     """Place to hold instead of the asset's handle; None: the asset's handle."""
 
     def __post_init__(self) -> None:
-        numbers = (*self.pos_w, self.yaw_rad, *self.start_q, self.tilt_rad)
+        numbers = (*self.pos_w, self.yaw_rad, *self.start_q, self.tilt_rad, self.beside_m)
         if not all(abs(number) <= MAX_NUMBER for number in numbers):
             raise ConfigError(
                 f"placement: a position or angle is not within {MAX_NUMBER:g} m or rad of 0"
@@ -60,7 +64,12 @@ def grasped(asset: Asset, joint: str, placement: ObjectPlacement) -> Asset:
     """Return ``asset`` with the handle of ``joint`` as it is held in ``placement``."""
     if placement.handle is not None:
         asset = asset.with_handle(placement.handle)
-    return tilted(asset, joint, placement.tilt_rad)
+    asset = tilted(asset, joint, placement.tilt_rad)
+    handle = asset.handle_of(joint)
+    if handle is None or placement.beside_m == 0.0:
+        return asset
+    x, y, z = handle_frame(handle)[:3] @ [0.0, placement.beside_m, 0.0, 1.0]
+    return asset.with_handle(replace(handle, pos_l=(float(x), float(y), float(z))))
 
 
 def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:

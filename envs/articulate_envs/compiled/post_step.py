@@ -83,19 +83,24 @@ class PostStepParams(NamedTuple):
 
 
 @row_function
-def handle_offset(T_wt: Array, T_wh: Array, along_m: float) -> tuple[float, float, float]:
-    """Return the tool in the axes of the handle [m], from the nearest point of its middle segment.
+def handle_offset(
+    T_wt: Array, T_wh: Array, along_m: float, beside_m: float
+) -> tuple[float, float, float]:
+    """Return the tool in the axes of the handle [m], from the nearest point of its middle.
 
     Args:
         T_wt: Pose of the tool (4, 4).
         T_wh: Pose of the handle (4, 4), its x axis along the handle.
-        along_m: Half length of the segment that counts as its middle [m].
+        along_m: Half length of what counts as its middle along x [m].
+        beside_m: Places along y from 0 to here count as its middle [m].
     """
     dx, dy, dz = T_wt[0, 3] - T_wh[0, 3], T_wt[1, 3] - T_wh[1, 3], T_wt[2, 3] - T_wh[2, 3]
     x = T_wh[0, 0] * dx + T_wh[1, 0] * dy + T_wh[2, 0] * dz
     y = T_wh[0, 1] * dx + T_wh[1, 1] * dy + T_wh[2, 1] * dz
     z = T_wh[0, 2] * dx + T_wh[1, 2] * dy + T_wh[2, 2] * dz
-    return x - min(max(x, -along_m), along_m), y, z
+    x -= min(max(x, -along_m), along_m)
+    y -= min(max(y, min(beside_m, 0.0)), max(beside_m, 0.0))
+    return x, y, z
 
 
 @row_function
@@ -133,7 +138,7 @@ def reward_state(
         goal: Success criteria.
     """
     T_wt, T_wh, row = now.T_wt[i], now.T_wh[i], now.samples[i]
-    offset = handle_offset(T_wt, T_wh, task.along_m)
+    offset = handle_offset(T_wt, T_wh, task.along_m, task.beside_m)
     across = ahead = motion = 0.0
     for r in range(3):
         along = T_wh[r, 0] * offset[0] + T_wh[r, 1] * offset[1] + T_wh[r, 2] * offset[2]
@@ -147,7 +152,7 @@ def reward_state(
         progress,
         offset,
         handle_angle(T_wt, T_wh),
-        handle_offset(before.T_wt[i], before.T_wh[i], task.along_m),
+        handle_offset(before.T_wt[i], before.T_wh[i], task.along_m, task.beside_m),
         handle_angle(before.T_wt[i], before.T_wh[i]),
         across,
         ahead,

@@ -36,6 +36,7 @@ def reward_task_of(rows: RewardTask, i: int) -> RewardTask:
         rows.length_m[i],  # type: ignore[index]
         rows.along_m[i],  # type: ignore[index]
         rows.thick_m[i],  # type: ignore[index]
+        rows.beside_m[i],  # type: ignore[index]
         rows.pad_m[i],  # type: ignore[index]
     )
 
