@@ -16,11 +16,11 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 
 from articulate.library.procedural.categories import CATEGORIES
-from articulate.reconstruct.fitting.propose import crop_around
 from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.make_object import part_meshes, predicted_joints
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.recognition.classifier import classify
+from articulate.reconstruct.recognition.mask import crop_on_white
 from articulate.render.raster import Pixels
 from articulate.render.rendered_photo import render_photo
 from articulate.transforms import Array
@@ -48,7 +48,7 @@ def sample_image(name: str, seed: int, view: int) -> Pixels:
         meshes = [mesh.moved(T) for mesh, T in zip(meshes, poses, strict=True)]
     turned = [mesh.with_vertices(mesh.vertices * [-1.0, -1.0, 1.0]) for mesh in meshes]
     photo = render_photo(turned, int(rng.integers(2**31)), occluded=rng.uniform() < 0.2)
-    return crop_around(photo.image, photo.mask)
+    return crop_on_white(photo.image, photo.mask)
 
 
 def main() -> None:

@@ -1,9 +1,12 @@
 """Objects from one image with nothing else given: category, proportions, openable parts.
 
     python benchmarks/photos.py --data data --kind rendered --half published --count 60 --json
+    python benchmarks/photos.py --data data --kind rendered --library data/assets/partnet
 
 ``rendered``: PartNet-Mobility objects under unknown cameras before textured backgrounds;
-``procedural``: generated objects of other seeds; ``photos``: the photos of ``--wild``.
+``procedural``: generated objects of other seeds; ``photos``: the photos of ``--wild``. With
+``--library`` the category is recognized by renders of a folder of PartNet-Mobility objects, without
+the object itself.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ import numpy as np
 
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.split import half
+from articulate.cache import cache_folder
 from articulate.errors import ArticulateError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.reconstruct.fitting.categories import USUAL
@@ -30,6 +34,7 @@ from articulate.reconstruct.fitting.propose import propose
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import image_query
+from articulate.reconstruct.recognition.library_index import LibraryIndex, open_index
 from articulate.render.parts import joint_bounds
 from articulate.render.raster import Pixels
 from articulate.render.rendered_photo import render_photo
@@ -145,12 +150,14 @@ def photos(wild: Path, chosen: str) -> Iterator[Item]:
         )
 
 
-def score(item: Item, hinted: bool) -> dict[str, Any]:
+def score(item: Item, hinted: bool, library: LibraryIndex | None) -> dict[str, Any]:
     """Return the outcome of one image."""
     start = time.process_time()
     row: dict[str, Any] = {"name": item.name, "category": item.category}
     try:
-        found = propose(item.image, hints={item.category: 1.0} if hinted else None)
+        others = library and library.without({item.name.removeprefix("partnet_")})
+        hints = {item.category: 1.0} if hinted else None
+        found = propose(item.image, hints=hints, library=others)
     except ArticulateError as error:
         return {**row, "error": str(error), "seconds": time.process_time() - start}
     row["seconds"] = time.process_time() - start
@@ -215,6 +222,7 @@ def main() -> None:
     parser.add_argument("--half", choices=["development", "published"], default="development")
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--category-given", action="store_true", help="give the true category")
+    parser.add_argument("--library", type=Path, help="folder of PartNet-Mobility objects")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     flags = parser.parse_args()
     if flags.kind == "photos":
@@ -223,9 +231,10 @@ def main() -> None:
         items = rendered(flags.data, flags.half, flags.count)
     else:
         items = procedural(flags.half, flags.count)
+    library = open_index(flags.library, cache_folder()) if flags.library else None
     rows = []
     for item in items:
-        rows.append(score(item, flags.category_given))
+        rows.append(score(item, flags.category_given, library))
         sys.stderr.write(f"{json.dumps(rows[-1])}\n")
     result = {"kind": flags.kind, "half": flags.half, "summary": summary(rows), "rows": rows}
     print(json.dumps(result, indent=1) if flags.json else json.dumps(result["summary"], indent=1))

@@ -4,15 +4,17 @@
     python benchmarks/videos.py render videos --data data --half published --count 24
     python benchmarks/videos.py render videos --half published --count 16
     python benchmarks/videos.py make videos
+    python benchmarks/videos.py make videos --library data/assets/partnet
     python benchmarks/videos.py make recorded.json --half published --text
     python benchmarks/videos.py confidence videos/made.jsonl
 
 `render` writes videos of PartNet-Mobility objects (`--data`) or generated ones, whose doors,
 drawers and lids are operated: the camera of `photos.py`, hand-held, an arm in a third of them.
 `make` gives nothing but the video, with `--text` also the category, and evaluates the written
-asset; it keeps one line for each video and continues where it was interrupted. File names are not
-used. `confidence` needs scikit-learn. The classifiers are learned from rendered videos; the
-development half of the recorded ones was used to compare designs.
+asset; with `--library` the category is recognized by renders of a folder of PartNet-Mobility
+objects, without the object itself. It keeps one line for each video and continues where it was
+interrupted. File names are not used. `confidence` needs scikit-learn. The classifiers are learned
+from rendered videos; the development half of the recorded ones was used to compare designs.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from articulate.benchmark.operated_joint import Conditions, OperatedJoint
 from articulate.benchmark.rendered_video import RenderedVideo, render_operated
 from articulate.benchmark.split import half
 from articulate.benchmark.truth import TrueJoint, TrueObject
+from articulate.cache import cache_folder
 from articulate.errors import ArticulateError, AssetError, UsageError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.library import ProceduralLibrary
@@ -46,6 +49,7 @@ from articulate.reconstruct.make_object import make_object
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import video_query
+from articulate.reconstruct.recognition.library_index import LibraryIndex, open_index
 from articulate.reconstruct.result import MakeRequest
 from articulate.render.encode_video import write_video
 from articulate.render.parts import joint_bounds
@@ -236,10 +240,12 @@ def opening(true: TrueObject, joint: TrueJoint) -> tuple[Array, float | None]:
 
 def make(args: argparse.Namespace) -> None:
     """Reconstruct all videos of folders and indices, and print the shares."""
+    library = open_index(args.library, cache_folder()) if args.library else None
     rows = []
     for source in args.source:
         folder = source.parent if source.is_file() else source
-        suffix = ("_text" if args.text else "") + ("" if args.checks else "_unchecked")
+        suffix = ("_text" if args.text else "") + ("_library" if args.library else "")
+        suffix += "" if args.checks else "_unchecked"
         store = args.out or folder / f"made{suffix}.jsonl"
         known = {}
         if store.exists():
@@ -247,7 +253,7 @@ def make(args: argparse.Namespace) -> None:
             known = {row["id"]: row for row in map(json.loads, lines)}
         for truth in _truths(source, args.half):
             if truth["id"] not in known:
-                known[truth["id"]] = _made(truth, args)
+                known[truth["id"]] = _made(truth, args, library)
                 with store.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(known[truth["id"]]) + "\n")
                 print(json.dumps(known[truth["id"]]), flush=True)
@@ -282,14 +288,19 @@ def _truths(source: Path, chosen: str) -> Iterator[dict[str, Any]]:
         }
 
 
-def _made(truth: dict[str, Any], args: argparse.Namespace) -> dict[str, Any]:
+def _made(
+    truth: dict[str, Any], args: argparse.Namespace, library: LibraryIndex | None
+) -> dict[str, Any]:
     """Return the outcome of one video."""
     row = {key: truth[key] for key in ("id", "category", "kind", "type", "arm")}
     start, begin = time.process_time(), time.monotonic()
     words = "".join(f" {c.lower()}" if c.isupper() else c for c in truth["category"]).strip()
     try:
         query = video_query(truth["path"], words if args.text else "")
-        found = propose_object(query)
+        others = (
+            None if library is None else library.without({truth["id"].removeprefix("partnet_")})
+        )
+        found = propose_object(query, library=others)
     except ArticulateError as error:
         return {**row, "error": str(error), "doubtful": True}
     row["processor_s"] = round(time.process_time() - start, 1)
@@ -399,6 +410,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="folder with assets.json; else generated objects")
     parser.add_argument("--count", type=int, default=12, help="number of videos")
     parser.add_argument("--text", action="store_true", help="give the category as text")
+    parser.add_argument("--library", type=Path, help="folder of PartNet-Mobility objects")
     parser.add_argument("--out", type=Path, help="file of the results; default: in the folder")
     parser.add_argument("--no-checks", dest="checks", action="store_false", help="no check-asset")
     args = parser.parse_args()

@@ -3,7 +3,8 @@
 ::
 
     articulate/                in the platform's cache folder (``platformdirs``)
-      assets/ rejected/ checks/ decompositions/ answers/ examples/    entries: files or folders
+      assets/ rejected/ checks/ decompositions/ answers/ examples/ renders/
+                               entries: files or folders
       users/                   a locked file for each running process that uses the cache
       locks/                   a lock file for each entry under construction
       gate.lock                held while a process registers and while entries are removed
@@ -30,7 +31,7 @@ from platformdirs import user_cache_path
 
 from articulate.errors import ConfigError, UsageError
 
-KINDS = ("assets", "rejected", "checks", "decompositions", "answers", "examples")
+KINDS = ("assets", "rejected", "checks", "decompositions", "answers", "examples", "renders")
 """Folders of entries. Nothing else in the cache is touched."""
 USERS, LOCKS, GATE, TRASH = "users", "locks", "gate.lock", ".trash-"
 LIMIT_VARIABLE = "ARTICULATE_CACHE_GB"

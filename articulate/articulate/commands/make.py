@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from articulate.reconstruct.actors.vlm.options import ModelOptions
     from articulate.reconstruct.part_set import PartSet
     from articulate.reconstruct.query import Query
+    from articulate.reconstruct.recognition.library_index import LibraryIndex
     from articulate.reconstruct.result import MakeResult
     from articulate.render.camera import Camera
 
@@ -62,8 +63,9 @@ class MakeFlags:
     or .json."""
     library: str | None = None
     """Use the parts of a procedural category, e.g. cabinet:3, or of the folder of a
-    PartNet-Mobility object. With --actor vlm or hybrid also procedural or a folder of many such
-    folders, from which a model chooses."""
+    PartNet-Mobility object. With a folder of many such folders, an object is generated from --image
+    or --video, and its category is recognized by renders of theirs; with --actor vlm or hybrid, a
+    model chooses parts from them or from procedural."""
     out: Path | None = None
     """Folder that is made; by default made/<object>. An earlier result there is replaced."""
     joint: str = "auto"
@@ -118,11 +120,27 @@ class MakeFlags:
             )
         if self.video is not None and self.image is not None:
             raise ConfigError("--video and --image are given; give one of them")
-        if self.parts is None and self.library is None and self.scan is None:
+        if self.generates:
             self._check_without_parts()
         if self.parts is not None and self.library is not None:
             raise ConfigError("--parts and --library are given; give one of them")
         self._check_values()
+
+    @property
+    def recognizes(self) -> bool:
+        """True if a library of many objects is given to recognize the category."""
+        from articulate.reconstruct.library_choice import PROCEDURAL, is_many
+
+        seen = self.image is not None or self.video is not None
+        if not seen or self.library in (None, PROCEDURAL) or self.actor in MODEL_ACTORS:
+            return False
+        return is_many(str(self.library))
+
+    @property
+    def generates(self) -> bool:
+        """True if the object is generated, without known parts."""
+        known = self.parts is not None or self.scan is not None
+        return not known and (self.library is None or self.recognizes)
 
     @property
     def chooses(self) -> bool:
@@ -190,7 +208,7 @@ def main(argv: Sequence[str]) -> int:
     flags = parse(MakeFlags, argv, prog="articulate make")
     if flags.scan is not None:
         return _print(flags, _scan(flags, flags.scan))
-    if flags.parts is None and flags.library is None:
+    if flags.generates:
         return _print(flags, _generate(flags))
     # These read meshes and videos, which --help does without.
     from articulate.reconstruct.actors.vlm.options import LEDGER, ModelOptions
@@ -255,14 +273,24 @@ def _generate(flags: MakeFlags) -> MakeResult:
 
     start = time.monotonic()
     query = _query(flags)
-    proposal = propose_object(query, height_m=flags.size)
+    cache = cache_folder()
+    proposal = propose_object(query, height_m=flags.size, library=_library(flags, cache))
     out = flags.out or Path("made") / proposal.name
     require_space(out, RESULT_BYTES, f"making {proposal.name}")
-    cache = cache_folder()
     request = MakeRequest(out=out, cache=cache, limit_s=flags.limit, seed=flags.seed)
     console.show_progress(f"{proposal.name}: {len(proposal.parts)} parts, {query.description}")
     with cache_in_use(cache):
         return make_object(query, proposal, request, proposal_s=time.monotonic() - start)
+
+
+def _library(flags: MakeFlags, cache: Path) -> LibraryIndex | None:
+    """Open the library that helps to recognize the category."""
+    if flags.library is None:
+        return None
+    from articulate.reconstruct.recognition.library_index import open_index
+
+    with cache_in_use(cache):
+        return open_index(Path(flags.library), cache, console.show_progress)
 
 
 def _scan(flags: MakeFlags, path: Path) -> MakeResult:

@@ -14,6 +14,7 @@ from articulate.reconstruct.fitting.propose import propose as propose_from_image
 from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import Query
+from articulate.reconstruct.recognition.library_index import LibraryIndex
 from articulate.reconstruct.text.propose import propose as propose_from_text
 from articulate.render.joint_video import Video
 from articulate.video.observe import observe_tracks, track_motion
@@ -25,7 +26,9 @@ NAMED = 1.0
 """Weight of the category that a text names."""
 
 
-def propose_object(query: Query, *, height_m: float | None = None) -> ObjectProposal:
+def propose_object(
+    query: Query, *, height_m: float | None = None, library: LibraryIndex | None = None
+) -> ObjectProposal:
     """Return the object of a query without known parts.
 
     A text names the category, and the parts if it describes them; image and video then give
@@ -34,6 +37,7 @@ def propose_object(query: Query, *, height_m: float | None = None) -> ObjectProp
     Args:
         query: Input of the user.
         height_m: Height of the object [m], if known.
+        library: Renders of objects of known categories, for the category of an image or video.
 
     Raises:
         UsageError: No object is found in the input.
@@ -45,17 +49,20 @@ def propose_object(query: Query, *, height_m: float | None = None) -> ObjectProp
         return text
     hints = None if text is None else {text.category: NAMED}
     if query.video is not None:
-        found = _from_video(query, hints, height_m)
+        found = _from_video(query, hints, height_m, library)
     else:
         assert query.image is not None
-        found = propose_from_image(query.image, hints=hints, height_m=height_m)
+        found = propose_from_image(query.image, hints=hints, height_m=height_m, library=library)
     if text is None:
         return found
     return _with_text(found, text)
 
 
 def _from_video(
-    query: Query, hints: Mapping[str, float] | None, height_m: float | None
+    query: Query,
+    hints: Mapping[str, float] | None,
+    height_m: float | None,
+    library: LibraryIndex | None,
 ) -> ObjectProposal:
     """Return the object whose joint explains the motion in the video."""
     assert query.video is not None
@@ -79,7 +86,9 @@ def _from_video(
                 key=key,
             )
         )
-    return propose_from_video(views, seen.p_revolute, hints=hints, height_m=height_m)
+    return propose_from_video(
+        views, seen.p_revolute, hints=hints, height_m=height_m, library=library
+    )
 
 
 def _small(query: Query) -> Video:

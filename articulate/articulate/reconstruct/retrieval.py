@@ -18,6 +18,7 @@ from articulate.errors import UsageError
 from articulate.files import atomic_write
 from articulate.npz_file import read_npz
 from articulate.reconstruct.recognition.classifier import classify
+from articulate.reconstruct.recognition.mask import crop_on_white
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
@@ -32,11 +33,8 @@ FOV_RAD = float(np.radians(30.0))
 SIDE_PX = 224
 SILHOUETTE_PX = 48
 """Side of a stored silhouette, whose box fills the larger side."""
-MARGIN = 0.08
-"""Margin around an object in its crop, as a share of the larger side."""
 SILHOUETTE_WEIGHT = 1.0
 """Weight of the overlap of silhouettes beside the cosine of features."""
-WHITE = 255
 MAX_ENTRY_BYTES = 1_000_000
 """Largest entry of an index; it has about 30 kB."""
 
@@ -97,20 +95,13 @@ def describe_views(images: Sequence[Pixels], masks: Sequence[Mask]) -> tuple[Arr
     Raises:
         UsageError: A mask is empty.
     """
-    crops: list[Pixels] = []
+    crops = [crop_on_white(image, mask) for image, mask in zip(images, masks, strict=True)]
     silhouettes = np.zeros((len(images), SILHOUETTE_PX, SILHOUETTE_PX), dtype=np.bool_)
-    for k, (image, mask) in enumerate(zip(images, masks, strict=True)):
+    for k, mask in enumerate(masks):
         rows, columns = np.nonzero(mask)
-        if not len(rows):
-            raise UsageError("no object is in the image")
-        window = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-        object_only = np.where(mask[..., None], image, WHITE)[window].astype(np.uint8)
-        border = round(MARGIN * max(object_only.shape[:2]))
-        ends = (border, border, border, border)
-        white = (WHITE, WHITE, WHITE)
-        bordered = cv2.copyMakeBorder(object_only, *ends, cv2.BORDER_CONSTANT, value=white)
-        crops.append(np.asarray(bordered, dtype=np.uint8))
-        silhouettes[k] = _square(mask[window])
+        silhouettes[k] = _square(
+            mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        )
     return _unit(classify(crops)[1]), silhouettes
 
 

@@ -47,11 +47,7 @@ def render_photo(
     """
     rng = np.random.default_rng(seed)
     camera = sample_camera(parts, rng)
-    direction = (rng.uniform(-1.0, 0.2), rng.uniform(-1.0, 1.0), rng.uniform(-1.5, -0.5))
-    light = Light(
-        direction_w=direction, ambient=rng.uniform(0.35, 0.55), directional=rng.uniform(0.2, 0.5)
-    )
-    scene = PartScene(parts, light)
+    scene = PartScene(parts, sample_light(rng))
     seen = scene.rasterize(camera)
     image = scene.render_image(camera)
     mask = seen.part_ids != NO_PART
@@ -99,6 +95,14 @@ def sample_camera(parts: Sequence[PartMesh], rng: np.random.Generator) -> Camera
         else:
             near = distance
     return camera
+
+
+def sample_light(rng: np.random.Generator) -> Light:
+    """Sample a light from the front and above."""
+    direction = (rng.uniform(-1.0, 0.2), rng.uniform(-1.0, 1.0), rng.uniform(-1.5, -0.5))
+    return Light(
+        direction_w=direction, ambient=rng.uniform(0.35, 0.55), directional=rng.uniform(0.2, 0.5)
+    )
 
 
 def background(camera: Camera, rng: np.random.Generator) -> Pixels:

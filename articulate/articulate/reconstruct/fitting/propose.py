@@ -18,7 +18,8 @@ from articulate.reconstruct.fitting.confidence import MIN_CONFIDENCE, Evidence
 from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.recognition.categories import category_probabilities, multiply
-from articulate.reconstruct.recognition.mask import saliency
+from articulate.reconstruct.recognition.library_index import LibraryIndex
+from articulate.reconstruct.recognition.mask import crop_on_white, saliency
 from articulate.render.image import png
 from articulate.render.raster import Pixels
 
@@ -28,8 +29,6 @@ MIN_SHARE, MAX_SHARE = 0.01, 0.97
 """Smallest and largest share of an image that an object covers."""
 MIN_SALIENT = 0.3
 """Salient share of the moving region below which it belongs to the object."""
-CROP_MARGIN = 0.12
-"""Margin of the crop around the object, as a share of its larger side."""
 MIN_VISIBLE = 0.5
 """Share of the front in the image below which the result is doubtful."""
 
@@ -39,6 +38,7 @@ def propose(
     *,
     hints: Mapping[str, float] | None = None,
     height_m: float | None = None,
+    library: LibraryIndex | None = None,
 ) -> ObjectProposal:
     """Propose an object with the category, proportions, parts and joints of an image.
 
@@ -46,12 +46,14 @@ def propose(
         image: Colours (H, W, 3).
         hints: Weights of categories from a text.
         height_m: Height of the object [m], if known.
+        library: Renders of objects of known categories.
 
     Raises:
         UsageError: No object is found, or its category is not in the library.
     """
     mask = object_mask(image, None)
-    probabilities = with_hints(category_probabilities(image, crop_around(image, mask)), hints)
+    seen = category_probabilities(crop_on_white(image, mask), library)
+    probabilities = with_hints(seen, hints)
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
     category = next(name for name in ranked if name in USUAL)
     front = find_front(image, mask, USUAL[category].prior)
@@ -104,21 +106,6 @@ def object_mask(
             "no object is salient in the image; take the entire object against a calm background"
         )
     return mask
-
-
-def crop_around(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
-    """Return the region of an image (H, W, 3) around the object, with a margin."""
-    rows, columns = np.nonzero(mask)
-    left, right = np.percentile(columns, [1, 99])
-    top, bottom = np.percentile(rows, [1, 99])
-    margin = CROP_MARGIN * max(right - left, bottom - top)
-    height, width = mask.shape
-    return np.ascontiguousarray(
-        image[
-            max(0, int(top - margin)) : min(height, int(bottom + margin) + 1),
-            max(0, int(left - margin)) : min(width, int(right + margin) + 1),
-        ]
-    )
 
 
 def with_hints(

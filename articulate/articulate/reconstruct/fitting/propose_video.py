@@ -29,7 +29,6 @@ from articulate.reconstruct.fitting.operated_parts import (
 )
 from articulate.reconstruct.fitting.part_motion import Flow, JointMotion, MotionMatch, match_motion
 from articulate.reconstruct.fitting.propose import (
-    crop_around,
     front_palette,
     image_trace,
     object_mask,
@@ -39,6 +38,8 @@ from articulate.reconstruct.fitting.propose import (
 )
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.recognition.categories import category_probabilities, multiply
+from articulate.reconstruct.recognition.library_index import LibraryIndex
+from articulate.reconstruct.recognition.mask import crop_on_white
 from articulate.render.image import png
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
@@ -97,6 +98,7 @@ def propose_from_video(
     *,
     hints: Mapping[str, float] | None = None,
     height_m: float | None = None,
+    library: LibraryIndex | None = None,
 ) -> ObjectProposal:
     """Propose an object with the category, proportions, parts and joints of a video.
 
@@ -105,12 +107,13 @@ def propose_from_video(
         p_revolute: Probability that the operated part rotates.
         hints: Weights of categories from a text.
         height_m: Height of the object [m], if known.
+        library: Renders of objects of known categories.
 
     Raises:
         UsageError: No object is found.
     """
     masks = [object_mask(view.image, view.moving_px) for view in views]
-    probabilities = with_hints(_probabilities(views[0], masks[0], p_revolute), hints)
+    probabilities = with_hints(_probabilities(views[0], masks[0], p_revolute, library), hints)
     candidates = [
         candidate
         for category in _categories(probabilities)
@@ -149,12 +152,14 @@ def propose_from_video(
     )
 
 
-def _probabilities(view: VideoView, mask: NDArray[np.bool_], p_revolute: float) -> dict[str, float]:
+def _probabilities(
+    view: VideoView, mask: NDArray[np.bool_], p_revolute: float, library: LibraryIndex | None
+) -> dict[str, float]:
     """Combine the appearance and the type of the motion.
 
     The first frame is used: in it, most objects are closed, and less often covered by a person.
     """
-    seen = category_probabilities(view.image, crop_around(view.image, mask))
+    seen = category_probabilities(crop_on_white(view.image, mask), library)
     slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in seen}
     motion = {n: p_revolute * (1.0 - s) + (1.0 - p_revolute) * s for n, s in slides.items()}
     return multiply(seen, motion)

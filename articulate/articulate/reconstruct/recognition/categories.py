@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.reconstruct.recognition.classifier import classify
+from articulate.reconstruct.recognition.library_index import LibraryIndex
 from articulate.render.raster import Pixels
 from articulate.transforms import Array
 
@@ -82,28 +83,34 @@ RENDERED_SHARE = 0.45
 """Weight of the linear classifier; the rest is that of the ImageNet classes."""
 
 
-def category_probabilities(image: Pixels, crop: Pixels) -> dict[str, float]:
+def category_probabilities(crop: Pixels, library: LibraryIndex | None = None) -> dict[str, float]:
     """Return the probability of each category of one object.
 
     The logarithms of the scores from ImageNet classes and of the linear classifier are averaged.
+    With a library, the result is the mean of these probabilities and those of the library.
 
     Args:
-        image: Entire image (H, W, 3).
-        crop: Region around the object (h, w, 3).
+        crop: The object on a white background (h, w, 3).
+        library: Renders of objects of known categories.
 
     Raises:
         UsageError: The package with the weights is not installed.
     """
-    found, features = classify([image, crop])
-    named, rendered = category_scores(found.mean(axis=0)), rendered_scores(features[1])
+    found, features = classify([crop])
+    named, rendered = category_scores(found[0]), rendered_scores(features[0])
     logs = {
         name: (1.0 - RENDERED_SHARE) * np.log(named.get(name, FLOOR))
         + RENDERED_SHARE * np.log(rendered.get(name, FLOOR) + FLOOR)
         for name in {*named, *rendered}
     }
-    return _normalized(
+    usual = _normalized(
         {name: FREQUENCY.get(name, 1.0) * float(np.exp(value)) for name, value in logs.items()}
     )
+    if library is None:
+        return usual
+    others = library.category_probabilities(features[0])
+    names = {*usual, *others}
+    return _normalized({n: 0.5 * (usual.get(n, 0.0) + others.get(n, 0.0)) for n in names})
 
 
 def category_scores(imagenet: Array) -> dict[str, float]:

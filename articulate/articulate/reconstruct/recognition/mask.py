@@ -1,4 +1,4 @@
-"""Mask of the salient object of an image (U2-Net-p: Qin et al., Pattern Recognition 2020)."""
+"""Salient object of an image (U2-Net-p: Qin et al., Pattern Recognition 2020), and its crop."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from articulate.errors import UsageError
 from articulate.reconstruct.recognition.weights import SALIENCY
 from articulate.render.raster import Pixels
 from articulate.transforms import Array
 
 SIDE_PX = 320
 MEAN, SCALE = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+CROP_MARGIN = 0.08
+"""Margin of the crop around the object, as a share of its larger side."""
+WHITE = 255
 
 
 def saliency(image: Pixels) -> Array:
@@ -33,6 +38,24 @@ def saliency(image: Pixels) -> Array:
     return np.asarray(
         cv2.resize(scaled, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float64
     )
+
+
+def crop_on_white(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
+    """Return the object of an image (H, W, 3) on a white background, with a margin.
+
+    Raises:
+        UsageError: The mask (H, W) is empty.
+    """
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        raise UsageError("no object is in the image")
+    window = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
+    alone = np.where(mask[..., None], image, WHITE)[window].astype(np.uint8)
+    border = round(CROP_MARGIN * max(alone.shape[:2]))
+    ends = (border, border, border, border)
+    colour = (WHITE, WHITE, WHITE)
+    bordered = cv2.copyMakeBorder(alone, *ends, cv2.BORDER_CONSTANT, value=colour)
+    return np.asarray(bordered, dtype=np.uint8)
 
 
 @lru_cache(maxsize=1)

