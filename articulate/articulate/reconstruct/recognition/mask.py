@@ -50,11 +50,11 @@ def crop_on_white(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
     if not len(rows):
         raise UsageError("no object is in the image")
     window = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-    alone = np.where(mask[..., None], image, WHITE)[window].astype(np.uint8)
-    border = round(CROP_MARGIN * max(alone.shape[:2]))
+    on_white = np.where(mask[..., None], image, WHITE)[window].astype(np.uint8)
+    border = round(CROP_MARGIN * max(on_white.shape[:2]))
     ends = (border, border, border, border)
     colour = (WHITE, WHITE, WHITE)
-    bordered = cv2.copyMakeBorder(alone, *ends, cv2.BORDER_CONSTANT, value=colour)
+    bordered = cv2.copyMakeBorder(on_white, *ends, cv2.BORDER_CONSTANT, value=colour)
     return np.asarray(bordered, dtype=np.uint8)
 
 
