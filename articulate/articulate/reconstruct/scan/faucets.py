@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from articulate.reconstruct.scan.front_view import front_view
@@ -16,6 +18,8 @@ BASE_HEIGHT, BASE, OVERHANG = 0.06, 0.6, 0.25
 front of it, as shares of the depth of the object."""
 FAR = 0.2
 """Least distance of a lateral handle from the spout, as a share of the width of the object."""
+BESIDE = 0.2
+"""Least distance of a single lever from the middle of the base, as a share of the base."""
 MIRROR = 0.1
 """Largest difference of the sides of two mirrored handles, as a share."""
 SMALLEST, LARGEST = 0.03, 0.4
@@ -28,8 +32,11 @@ def faucet_parts(parts: Segmentation) -> list[PartProposal]:
     """Propose the handles of a faucet: a mirrored pair beside the spout, or one on top."""
     if not _is_faucet(parts):
         return []
-    groups = _lateral(parts) or _upper(parts)
-    return [_handle(parts, group) for group in groups if len(group)]
+    pair = _lateral(parts)
+    lever = None if pair else _side_lever(parts)
+    if lever is not None:
+        return [lever]
+    return [_handle(parts, group) for group in pair or _upper(parts) if len(group)]
 
 
 def _is_faucet(parts: Segmentation) -> bool:
@@ -63,6 +70,33 @@ def _lateral(parts: Segmentation) -> list[Ints]:
     if (np.abs(spans[0] - spans[1]) > MIRROR * np.maximum(*spans)).any():
         return []
     return [parts.faces_of(cells, _top(parts, group)) for group in sides]
+
+
+def _side_lever(parts: Segmentation) -> PartProposal | None:
+    """Propose the shells at one side of the column as a lever about y; None if there are none."""
+    mesh, cells = parts.mesh, parts.shells
+    corners = mesh.triangles.reshape(-1, 3)
+    base = corners[corners[:, 2] < mesh.bounds[0, 2] + BASE_HEIGHT * mesh.size[2], 1]
+    middle, margin = 0.5 * float(base.min() + base.max()), BESIDE * float(np.ptp(base))
+    found = []
+    for sign in (-1.0, 1.0):
+        beside = (sign * (cells.boxes[..., 1] - middle)).min(axis=1) > margin
+        for group in touching(parts, np.flatnonzero(beside)):
+            area = float(cells.area[group].sum())
+            if SMALLEST * cells.area.sum() < area < LARGEST * cells.area.sum():
+                found.append((sign, parts.faces_of(cells, group)))
+    if len(found) != 1:
+        return None
+    sign, faces = found[0]
+    points = mesh.triangles[faces].reshape(-1, 3)
+    outward = sign * points[:, 1]
+    hub = points[outward < outward.min() + 0.1 * np.ptp(outward)]
+    return replace(
+        _handle(parts, faces),
+        axis=np.array([0.0, sign, 0.0]),
+        pivot=0.5 * (hub.min(axis=0) + hub.max(axis=0)),
+        evidence=("a lever at one side of a column",),
+    )
 
 
 def _top(parts: Segmentation, group: Ints) -> Ints:

@@ -9,7 +9,14 @@ import numpy as np
 
 from articulate.reconstruct.actors.protocol import JointKind
 from articulate.reconstruct.scan.frames import grown, joined_frames
-from articulate.reconstruct.scan.panels import THIN, Handle, Panel, find_panels
+from articulate.reconstruct.scan.panels import (
+    MAX_OVERLAP,
+    THIN,
+    Handle,
+    Panel,
+    find_panels,
+    overlap,
+)
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.trays import Tray, is_attached, trays_behind
@@ -40,10 +47,17 @@ LEAF = 0.35
 """Largest thickness of a board, as a share of the shorter side of its panel."""
 FLAP = 0.7
 """Panels lower than this share of their width are flaps if a knob is centred on them."""
+MIRROR, MIRRORED = 0.3, 0.05
+"""Largest difference of the sides of two handles of one panel, as a share, and of their middle from
+that of the panel, as a share of its width."""
 CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
 TRAVEL = 0.75
 """Travel of a drawer, as a share of its depth."""
+CONTROLS = 0.4
+"""Smaller boards beside a door without a handle, as a share of it, are control panels."""
+LEVEL = 0.02
+"""Largest distance of the surfaces of panels in one plane, as a share of the diagonal."""
 ADJACENT = 0.12
 """Largest gap between the doors of a pair, as a share of the width of the object."""
 
@@ -148,7 +162,10 @@ def _is_board(parts: Segmentation, panel: Panel) -> bool:
 
 
 def _main_handle(panel: Panel) -> Handle | None:
-    """Return the largest protrusion that is not a frame around the panel, a bar before a dial."""
+    """Return the largest protrusion that is not a frame around the panel, a bar before a dial.
+
+    Two equal ones at both sides of the middle are one handle.
+    """
     found = []
     for handle in panel.handles:
         share = handle.size / panel.size
@@ -158,7 +175,21 @@ def _main_handle(panel: Panel) -> Handle | None:
         found.append((bar, float(np.prod(handle.size)), handle))
     if not found:
         return None
-    return max(found, key=lambda item: item[:2])[2]
+    handle = max(found, key=lambda item: item[:2])[2]
+    for _, _, other in found:
+        if other is not handle and _is_mirrored(panel, handle, other):
+            low, high = np.minimum(handle.rect, other.rect), np.maximum(handle.rect, other.rect)
+            rect = np.concatenate([low[:2], high[2:]])
+            return Handle(rect=rect, height=max(handle.height, other.height))
+    return handle
+
+
+def _is_mirrored(panel: Panel, one: Handle, other: Handle) -> bool:
+    """Return whether two equal handles are at the same height on both sides of the middle."""
+    middle = 0.5 * (one.centre + other.centre) - panel.centre
+    equal = (np.abs(one.size - other.size) < MIRROR * one.size).all()
+    level = abs(one.centre[1] - other.centre[1]) < MIRROR * one.size[1]
+    return bool(equal and level and abs(middle[0]) < MIRRORED * panel.size[0])
 
 
 def _inner_drawers(front: Front) -> list[PartProposal]:
@@ -196,7 +227,7 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
         for f in fronts
         if f not in sure
         and f.panel.thin
-        and any(_congruent(f.panel, other.panel) for other in sure)
+        and any(_moves_like(parts, f.panel, other.panel) for other in sure)
         and not plain(f)
     ]
     if sure:
@@ -209,10 +240,30 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
         and (f.panel.rect[3] - bottom > LOWEST * size[2] or f.panel.size[1] > 0.3 * size[2])
         and f.panel.area > 0.06 * size[1] * size[2]
     ]
-    panels = [grown(parts, front.panel) for front in large]
-    largest = max(panels, key=lambda panel: panel.area, default=None)
-    same = [panel for panel in panels if largest is not None and _congruent(panel, largest)]
+    if not large:
+        return [], False
+    panels = [_grown(parts, front, fronts) for front in large]
+    largest = max(panels, key=lambda panel: panel.area)
+    same = [
+        panel
+        for panel in panels
+        if _is_level(parts, panel, largest) and panel.area > CONTROLS * largest.area
+    ]
     return [front_of(parts, panel) for panel in same], False
+
+
+def _moves_like(parts: Segmentation, panel: Panel, other: Panel) -> bool:
+    """Return whether a panel is congruent to a moving one, or a larger board in its plane."""
+    larger = panel.board and panel.area > other.area
+    return _congruent(panel, other) or (larger and _is_level(parts, panel, other))
+
+
+def _grown(parts: Segmentation, front: Front, fronts: Sequence[Front]) -> Panel:
+    """Return the panel of a front with its frame, unless this would cover another front."""
+    panel = grown(parts, front.panel)
+    others = [other.panel for other in fronts if other is not front]
+    covers = any(overlap(panel.rect, other.rect) > MAX_OVERLAP for other in others)
+    return front.panel if covers else panel
 
 
 def _is_leg(parts: Segmentation, front: Front) -> bool:
@@ -244,14 +295,25 @@ def _congruent(one: Panel, other: Panel) -> bool:
     return bool((np.abs(one.size - other.size) < SAME_SIZE * other.size).all())
 
 
+def _is_level(parts: Segmentation, one: Panel, other: Panel) -> bool:
+    """Return whether two boards, or two faces of the body, end at the same depth."""
+    near = abs(one.front - other.front) < LEVEL * parts.mesh.diagonal
+    return one.thin == other.thin and near
+
+
 def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> PartProposal:
     panel, base = front.panel, _base(parts, front)
     if len(front.tray):
         return _drawer(parts, base, front, "a tray behind the front")
     wide = panel.size[1] < WIDE * panel.size[0]
     centred = _is_centred(front)
-    if centred and wide and not _has_neighbour(parts, front, others):
-        return _drawer(parts, base, front, "a wide front with a centred handle")
+    if wide and (centred or front.handle is None):
+        return _drawer(
+            parts,
+            base,
+            front,
+            f"a wide front {'with a centred' if centred else 'without a'} handle",
+        )
     if centred and _is_flap(front) and not _has_neighbour(parts, front, others):
         return _flap(base, front)
     return _door(parts, base, front, others)

@@ -23,6 +23,8 @@ CLOSED_DEPTH, CLOSED_SHARE = 0.3, 0.75
 """Share of the front view of a container that is within this share of its depth."""
 FLAP_AREA, MOST_FLAPS = 0.03, 4
 """Least area of an open flap, as a share of the object, and the largest number of them."""
+LEAST_RIM = 0.2
+"""Least height of the rim of an open container, as a share of the height of the object."""
 UPRIGHT = 0.25
 """Least height of an open flap, as a share of its longest side."""
 AJAR = (float(np.radians(7.0)), float(np.radians(83.0)))
@@ -102,6 +104,8 @@ def open_flaps(parts: Segmentation) -> list[PartProposal]:
     body = int(np.argmax(cells.area))
     rim = float(boxes[body, 1, 2])
     if boxes[body, 0, 2] > mesh.bounds[0, 2] + 0.1 * mesh.size[2]:
+        return []
+    if rim < mesh.bounds[0, 2] + LEAST_RIM * mesh.size[2]:
         return []
     likely = (boxes[:, 0, 2] > rim - 0.02 * mesh.size[2]) & (share > FLAP_AREA)
     found = []

@@ -26,6 +26,7 @@ from articulate.reconstruct.result import MakeRequest, MakeResult
 from articulate.reconstruct.scan.category_by_parts import category_by_parts
 from articulate.reconstruct.scan.cavity import Built, build_parts
 from articulate.reconstruct.scan.masks import read_masks, skin
+from articulate.reconstruct.scan.panels import ENTIRE
 from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
 from articulate.reconstruct.scan.propose import FoundParts, calibrated, propose_parts, rated
 from articulate.reconstruct.scan.read_scan import (
@@ -190,8 +191,11 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     counts = counts_in(hints.text) if hints.text else None
     best: tuple[float, Front, FoundParts] | None = None
     for front in TURNS if hints.front == "auto" else TURNS[:1]:
-        found = propose_parts(turned(scan.mesh, front), counts)
+        mesh = turned(scan.mesh, front)
+        found = propose_parts(mesh, counts)
         certain = max((proposal.confidence for proposal in found.parts), default=0.0)
+        if best is not None and any(_covers(mesh, proposal) for proposal in found.parts):
+            continue  # a side of the body
         if found.parts and (best is None or certain > best[0] + BETTER):
             best = (certain, front, found)
         if certain >= CERTAIN:
@@ -206,6 +210,14 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     proposals = [scaled(proposal, scale) for proposal in found.parts]
     mesh = mesh.transformed(np.eye(3), scale, np.zeros(3))
     return replace(scan, mesh=mesh, category=category, assumptions=notes), proposals
+
+
+def _covers(mesh: ScanMesh, proposal: PartProposal) -> bool:
+    """Return whether a panel covers nearly the entire front."""
+    if proposal.panel is None:
+        return False
+    sides = proposal.panel[2:] - proposal.panel[:2]
+    return bool((sides > ENTIRE * mesh.size[1:]).all())
 
 
 def _size_by_parts(

@@ -98,7 +98,7 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         return FoundParts(parts=tuple(with_details(parts, porthole)))
-    if not sure:
+    if not sure and len(fronts) < 2:
         flaps = open_flaps(parts)
         if flaps:
             return FoundParts(parts=tuple(with_details(parts, flaps)), category="Box")

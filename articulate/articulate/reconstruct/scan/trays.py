@@ -129,5 +129,5 @@ def _tray(parts: Segmentation, group: Ints) -> Tray | None:
 def _is_body(parts: Segmentation, box: Array) -> bool:
     """Return whether a box is that of the body behind a door over the entire front."""
     bounds, near = parts.mesh.bounds, 2.0 * parts.near
-    sides = box[0, 1] < bounds[0, 1] + near and box[1, 1] > bounds[1, 1] - near
-    return bool(sides and box[1, 2] - box[0, 2] > 0.6 * parts.mesh.size[2])
+    outer = box[0, 1] < bounds[0, 1] + near or box[1, 1] > bounds[1, 1] - near
+    return bool(outer and box[1, 2] - box[0, 2] > 0.6 * parts.mesh.size[2])

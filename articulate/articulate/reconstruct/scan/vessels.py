@@ -41,6 +41,8 @@ BAIL_WIDTH = 0.8
 """Least width of a bail, as a share of the width of the body."""
 BAIL_WIDEST = 1.6
 """Largest width of a bail, as a share of the width of the body."""
+OUTER = 1.05
+"""Least reach of a bail that is folded down, as a multiple of that of the body."""
 GRIP = 0.05
 """Distance of the grip of a bail from its box, as a share of the width of the body."""
 BAIL_SLIM = 0.8
@@ -186,7 +188,7 @@ def _bail(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
 
 
 def _arch(boxes: Array, vessel: Vessel) -> tuple[float, int] | None:
-    """Return the slimness and the axis of an arch over the body; None if shells form none."""
+    """Return the rank and the axis of an arch over the body; None if shells form none."""
     box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
     sides, body = np.ptp(box, axis=0), np.ptp(vessel.box, axis=0)
     axis = int(np.argmax(sides[:2]))
@@ -194,15 +196,19 @@ def _arch(boxes: Array, vessel: Vessel) -> tuple[float, int] | None:
     wide = BAIL_WIDTH * body[axis] < sides[axis] < BAIL_WIDEST * body[axis]
     if not wide or slim > BAIL_SLIM:
         return None
-    if sides[2] < 0.08 * sides[axis] and box[1, 2] < vessel.box[1, 2] + 0.02 * vessel.height:
+    flat = sides[2] < 0.08 * sides[axis]
+    offsets = box[:, 1 - axis] - vessel.centre[1 - axis]
+    folded = np.abs(offsets).min() < CENTRED * sides[axis]  # a rim is on both sides
+    folded &= np.abs(offsets).max() > 0.5 * OUTER * body[1 - axis]
+    if flat and not folded and box[1, 2] < vessel.box[1, 2] + 0.02 * vessel.height:
         return None
-    return slim, axis
+    return slim + flat, axis  # raised bails come first
 
 
 def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
     """Return the centred parts at the top: a group of shells, or the facets above a ledge."""
     mesh = parts.mesh
-    order = [(_above_body, 0.35), (_top_shells, 0.35), (_above_ledge, 0.5)]
+    order = [(_above_body, 0.45), (_top_shells, 0.35), (_above_ledge, 0.5)]
     for find, most in [*order[:2][:: -1 if vessel.slender else 1], order[2]]:
         faces = find(parts, vessel)
         share = float(mesh.areas[faces].sum() / mesh.areas.sum()) if len(faces) else 0.0

@@ -40,6 +40,11 @@ def double_doors():
     return carcass(), doors
 
 
+def plain_boards(*rects):
+    """Boards without handles over the front, each from (y0, z0) to (y1, z1)."""
+    return carcass(), [[box((0.5, y0, z0), (0.52, y1, z1))] for y0, z0, y1, z1 in rects]
+
+
 def chest_of_drawers(count=3):
     """Drawers with trays, one above the other."""
     drawers = []
@@ -78,6 +83,38 @@ def bucket():
         [trimesh.creation.cylinder(0.005, segment=s) for s in pairwise(arc)]
     )
     return [body, bottom], [[bail]]
+
+
+def folded_bucket():
+    """A bucket whose bail is folded down to the front, around its rim."""
+    fixed, [[bail]] = bucket()
+    bail.apply_translation((0, 0, -0.27))
+    bail.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    bail.apply_translation((0.01, 0, 0.27))
+    return fixed, [[bail]]
+
+
+def side_lever_faucet():
+    """A column with a high spout, and a lever on a hub at its side."""
+    column = trimesh.creation.cylinder(0.02, segment=[(0, 0, 0), (0, 0, 0.1)], sections=32)
+    arc = [(0, 0, 0.1), (0, 0, 0.2), (0.1, 0, 0.24), (0.16, 0, 0.2), (0.16, 0, 0.15)]
+    spout = [trimesh.creation.cylinder(0.01, segment=s) for s in pairwise(arc)]
+    hub = trimesh.creation.cylinder(0.012, segment=[(0, 0.021, 0.06), (0, 0.045, 0.06)])
+    lever = trimesh.creation.cylinder(0.005, segment=[(0, 0.04, 0.06), (0, 0.04, 0.14)])
+    return [column, *spout], [[hub, lever]]
+
+
+def box_of_boards():
+    """A closed box of a bottom and four walls, with a deep lid."""
+    walls = [
+        box((-0.3, -0.4, 0.01), (-0.28, 0.4, 0.5)),
+        box((0.28, -0.4, 0.01), (0.3, 0.4, 0.5)),
+        box((-0.279, -0.4, 0.01), (0.279, -0.38, 0.5)),
+        box((-0.279, 0.38, 0.01), (0.279, 0.4, 0.5)),
+    ]
+    return [box((-0.3, -0.4, 0), (0.3, 0.4, 0.009)), *walls], [
+        [box((-0.31, -0.41, 0.505), (0.31, 0.41, 0.6))]
+    ]
 
 
 def faucet():

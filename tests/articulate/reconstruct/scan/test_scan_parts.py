@@ -5,22 +5,27 @@ import pytest
 import trimesh
 from tests.articulate.reconstruct.scan.scan_objects import (
     box,
+    box_of_boards,
     bucket,
+    carcass,
     chest_of_drawers,
     double_doors,
     faucet,
+    folded_bucket,
     laptop,
     lined_drawers,
     merged,
     overlap,
+    plain_boards,
     safe,
+    side_lever_faucet,
     write,
 )
 
 from articulate.reconstruct.result import MakeRequest
 from articulate.reconstruct.scan.cavity import build_parts
 from articulate.reconstruct.scan.cells import components, edges_of, facets
-from articulate.reconstruct.scan.make_scan import make_scan, scan_parts
+from articulate.reconstruct.scan.make_scan import find_parts, make_scan, scan_parts
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.propose import propose_parts
 from articulate.reconstruct.scan.read_scan import ScanHints, read_scan
@@ -66,6 +71,75 @@ def test_a_front_with_a_tray_is_a_drawer(objects):
     for part in found.parts:
         np.testing.assert_allclose(part.axis, (1, 0, 0))
         assert 0.2 < part.upper < 0.45
+
+
+PAIR = ((-0.398, 0.02, -0.002, 0.6), (0.002, 0.02, 0.398, 0.6))
+UPPER = ((-0.398, 0.61, -0.002, 0.88), (0.002, 0.61, 0.398, 0.88))
+
+
+def test_boards_without_handles_in_one_plane_are_doors_hinged_at_the_outer_edges():
+    _, found, overlaps = found_in(plain_boards(*PAIR, *UPPER))
+    assert [part.kind for part in found.parts] == ["door"] * 4
+    assert min(overlaps) > 0.95
+    for part in found.parts:
+        assert abs(part.pivot[1]) > 0.35
+        assert part.confidence < 0.5
+
+
+def test_a_small_board_beside_a_door_without_a_handle_is_a_control_panel():
+    door, controls = (-0.398, 0.02, 0.2, 0.88), (0.202, 0.02, 0.398, 0.88)
+    _, found, overlaps = found_in((carcass()[:4], plain_boards(door, controls)[1]))
+    assert len(found.parts) == 1
+    assert overlaps[0] > 0.95
+
+
+def test_larger_boards_in_the_plane_of_a_drawer_move_too():
+    fixed, [drawer] = chest_of_drawers(1)
+    doors = plain_boards((-0.38, 0.3, -0.002, 0.88), (0.002, 0.3, 0.38, 0.88))[1]
+    _, found, overlaps = found_in((fixed, [drawer, *doors]))
+    assert sorted(part.kind for part in found.parts) == ["door", "door", "drawer"]
+    assert min(overlaps) > 0.95
+
+
+@pytest.mark.parametrize("knobs", [(), (-0.2, 0.2)])
+def test_a_wide_front_without_a_handle_or_with_two_is_a_drawer(knobs):
+    fixed, [[board]] = plain_boards((-0.398, 0.02, 0.398, 0.3))
+    knobs = [box((0.52, y - 0.02, 0.15), (0.55, y + 0.02, 0.19)) for y in knobs]
+    fixed.append(box((0.0, -0.4, 0.3), (0.5, 0.4, 0.32)))
+    _, found, _ = found_in((fixed, [[board, *knobs]]))
+    assert [part.kind for part in found.parts] == ["drawer"]
+
+
+def test_the_side_of_a_body_is_no_drawer_and_no_front(tmp_path):
+    open_top = carcass()[:4]
+    strip = box((-0.02, -0.3, 0.5), (0.0, 0.3, 0.53))  # looks like a handle on the back
+    mesh, _ = merged([*open_top, strip], plain_boards(*PAIR)[1])
+    scan = read_scan(write(mesh, tmp_path / "cabinet.glb"), ScanHints())
+    scan, found = find_parts(scan, ScanHints())
+    assert not any("front faces" in note for note in scan.assumptions)
+    assert [part.kind for part in found] == ["door", "door"]
+
+
+def test_a_bail_that_is_folded_down_turns_about_its_ends():
+    _, found, overlaps = found_in(folded_bucket())
+    assert found.category == "Bucket"
+    assert overlaps[0] > 0.9
+    assert abs(found.parts[0].axis[1]) == 1.0
+    assert abs(found.parts[0].pivot[0]) < 0.06  # the bail reaches to 0.17
+
+
+def test_a_lever_at_the_side_of_a_faucet_turns_about_its_hub():
+    _, found, overlaps = found_in(side_lever_faucet())
+    assert found.category == "Faucet"
+    assert overlaps[0] > 0.9
+    np.testing.assert_allclose(found.parts[0].axis, [0, 1, 0])
+    np.testing.assert_allclose(found.parts[0].pivot[[0, 2]], [0, 0.06], atol=0.01)
+
+
+def test_the_walls_of_a_box_are_no_flaps():
+    _, found, overlaps = found_in(box_of_boards())
+    assert [part.kind for part in found.parts] == ["lid"]
+    assert overlaps[0] > 0.95
 
 
 @pytest.mark.parametrize(
