@@ -304,7 +304,7 @@ class FineTuningConfig:
     value function before PPO begins.
     """
 
-    imitation_steps: int = 90_000
+    imitation_steps: int = 45_000
     """Control steps of each ensemble member with imitation; all of its samples are kept."""
     imitation_learning_rate: float = 5e-4
     """Learning rate of the imitation phase."""
