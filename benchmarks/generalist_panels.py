@@ -3,10 +3,12 @@
 The categories of the procedural library have one kind of handle each, within millimetres. Here one
 drawer, door or lid of a plain box has a bar, a knob or a plate of any size that the gripper holds,
 anywhere on its front, and hinges are at all edges. Parts without a handle have a projecting edge.
+Shallow handles leave little room behind them, and double doors have two handles side by side.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,7 @@ from articulate.library.procedural.urdf import Motion, Part, write_urdf
 KINDS = (
     "panel_drawer", "panel_door", "panel_lid",
     "panel_wide_door", "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
+    "panel_shallow_drawer", "panel_shallow_door", "panel_double_door",
 )  # fmt: skip
 """Names of the objects; the last word is what moves. New ones are added at the end: the random
 numbers depend on the order."""
@@ -68,7 +71,9 @@ class Sampler:
         return bool(self.rng.random() < share)
 
 
-def handle_pieces(s: Sampler, at: Vec3, frame: Frame, room_m: float) -> dict[str, Piece]:
+def handle_pieces(
+    s: Sampler, at: Vec3, frame: Frame, room_m: float, *, shallow: bool = False
+) -> dict[str, Piece]:
     """Return the solids of a handle.
 
     Args:
@@ -76,6 +81,7 @@ def handle_pieces(s: Sampler, at: Vec3, frame: Frame, room_m: float) -> dict[str
         at: Its middle on the surface [m].
         frame: Its axes.
         room_m: Largest length [m].
+        shallow: Stay within 8 to 30 mm of the surface.
     """
 
     def placed(along: Span, across: Span, out: Span) -> Piece:
@@ -92,6 +98,8 @@ def handle_pieces(s: Sampler, at: Vec3, frame: Frame, room_m: float) -> dict[str
         length = min(s.between(0.07, 0.32), room_m)
         thick, deep = s.log_between(0.007, 0.035), s.log_between(0.007, 0.03)
         clear, half = s.between(0.022, 0.055), length / 2
+        if shallow:
+            thick, deep, clear = 0.7 * thick, 0.4 * deep, 0.3 * clear
         side, foot = around(0.0, thick), min(0.012, thick)
         return {
             "bar": placed((-half, half), side, (clear, clear + deep)),
@@ -102,12 +110,14 @@ def handle_pieces(s: Sampler, at: Vec3, frame: Frame, room_m: float) -> dict[str
         wide = min(s.between(0.015, MAX_HELD_M), room_m)
         thick = wide if s.chance(0.6) else s.between(0.012, MAX_HELD_M)
         stem, head = s.between(0.006, 0.03), s.between(0.014, 0.04)
+        if shallow:
+            stem, head = 0.5 * stem, 0.4 * head
         return {
             "stem": placed(around(0.0, 0.5 * wide), around(0.0, 0.5 * thick), (0.0, stem)),
             "head": placed(around(0.0, wide), around(0.0, thick), (stem, stem + head)),
         }
     length, thick = min(s.between(0.04, 0.2), room_m), s.log_between(0.005, 0.04)
-    out = s.between(0.025, 0.05)
+    out = s.between(0.025, 0.05) * (0.4 if shallow else 1.0)
     return {"plate": placed(around(0.0, length), around(0.0, thick), (0.0, out))}
 
 
@@ -118,7 +128,7 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
         return _lid(s)
     if kind == "panel_thin_lid":
         return _thin_lid(s)
-    drawer, edge = kind.endswith("drawer"), "edge" in kind
+    drawer, edge, double = kind.endswith("drawer"), "edge" in kind, "double" in kind
     wide = s.between(0.2, 0.65)
     high = s.between(0.11, 0.32) if drawer else s.between(0.2, 0.6)
     deep = s.between(0.3, 0.5) if drawer else s.between(0.2, 0.4)
@@ -140,33 +150,51 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
             pieces["lip"] = (front, y, (z[1], z[1] + s.between(0.02, 0.05)))
         shapes = [shape("panel_board", "oak", pieces), shape("panel_tray", "birch", inside)]
     else:
-        at, frame, room, motion = _door(s, front[0], y, z, anywhere=kind == "panel_wide_door")
+        at, frame, room, motion = _door(
+            s, front[0], y, z, anywhere=kind == "panel_wide_door", double=double
+        )
         if edge:
             side = 1.0 if at[1] > 0.0 else -1.0
             ends = sorted((side * wide / 2, side * (wide / 2 + s.between(0.02, 0.05))))
             pieces["lip"] = (front, (ends[0], ends[1]), z)
         shapes = [shape("panel_board", "oak", pieces)]
     if not edge:
-        handle = handle_pieces(s, at, frame, room)
+        shallow = "shallow" in kind or (double and s.chance(0.6))
+        handle = handle_pieces(s, at, frame, room, shallow=shallow)
         shapes.append(shape("panel_handle", "dark_steel", handle, 2000.0))
+        if double:
+            free = wide / 2 if at[1] > 0.0 else -wide / 2
+            beside = {name: _mirrored(piece, free) for name, piece in (pieces | handle).items()}
+            body = replace(body, shapes=(*body.shapes, shape("next_door", "oak", beside)))
     return linked([body, Part(name="panel", shapes=tuple(shapes), motion=motion)])
 
 
+def _mirrored(piece: Piece, y: float) -> Piece:
+    """Return a box on the other side of the plane at ``y``."""
+    low, high = piece[1]
+    return (piece[0], (2.0 * y - high, 2.0 * y - low), piece[2])
+
+
 def _door(
-    s: Sampler, x: float, y: Span, z: Span, *, anywhere: bool
+    s: Sampler, x: float, y: Span, z: Span, *, anywhere: bool, double: bool
 ) -> tuple[Vec3, Frame, float, Motion]:
     """Return place, axes and room of the handle of a door, and its hinge.
 
-    The handle is near the free edge, or ``anywhere`` on a door about a vertical axis.
+    The handle is near the free edge, very near on ``double`` doors, or ``anywhere`` on a door about
+    a vertical axis.
     """
     wide, high, upper = y[1] - y[0], z[1] - z[0], s.between(1.2, 2.4)
     edge = s.between(0.05, 0.12)
     if anywhere:
         edge = s.between(0.04, 0.65 * wide)
-    if anywhere or s.chance(0.75):
+    if double:
+        edge = s.between(0.018, 0.045)
+    if anywhere or double or s.chance(0.75):
         side = LEFT if s.chance(0.5) else RIGHT
         at = (x, side * (edge - wide / 2), sum(z) / 2 + 0.25 * high * s.between(-1, 1))
-        frame, room = (FRONT_UPRIGHT, 0.5 * high) if s.chance(0.75) else (FRONT_LEVEL, 1.6 * edge)
+        frame, room = (
+            (FRONT_UPRIGHT, 0.5 * high) if double or s.chance(0.75) else (FRONT_LEVEL, 1.6 * edge)
+        )
         return at, frame, room, swing("body", "panel", (x, side * wide / 2, z[0]), side, upper)
     below = s.chance(0.7)
     near, far = (z[0], z[1] - edge) if below else (z[1], z[0] + edge)
