@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from articulate.cache import touch
-from articulate.errors import ArticulateError, AssetError, UsageError
+from articulate.errors import ArticulateError, UsageError
 from articulate.files import atomic_write
 from articulate.library.partnet import URDF_NAME, PartNetLibrary
 from articulate.npz_file import read_npz
@@ -100,7 +100,7 @@ def open_index(
 ) -> LibraryIndex:
     """Return the index of a folder of PartNet-Mobility objects; new objects are rendered.
 
-    Objects without a category or with unreadable meshes are omitted.
+    Objects without a category, and those that cannot be read, are omitted.
 
     Args:
         folder: Folder with one subfolder for each object.
@@ -125,38 +125,34 @@ def _entries(
     """Yield id, category and features (V, 1280) of the objects."""
     rendered = 0
     for object_id in library.ids():
-        category = library.category(object_id)
+        category, folder = library.category(object_id), library.folder / object_id
         if category == "unknown":
             continue
-        folder = library.folder / object_id
-        path = cache / RENDERS / f"{_key(folder)}.npz"
-        features = _read(path)
+        try:
+            path = cache / RENDERS / f"{_key(folder)}.npz"
+            features = _read(path)
+            crops = [] if features is not None else _views(folder)
+        except UsageError:
+            continue
         if features is None:
             if rendered % 100 == 0:
                 progress(f"{library.folder}: rendering objects of the library, {object_id} …")
             rendered += 1
-            try:
-                parts = library_part_set(str(folder)).meshes
-            except AssetError:
-                continue
-            features = view_features(parts, _seed(object_id))
+            features = classify(crops)[1].astype(np.float64)
+            features /= np.linalg.norm(features, axis=1, keepdims=True)
             _write(path, features)
         yield object_id, category, features
 
 
-def view_features(parts: Sequence[PartMesh], seed: int) -> Array:
-    """Return unit features (V, 1280) of renders of parts that stand on z = 0, front at +x.
-
-    Args:
-        parts: Parts of one object.
-        seed: Seed of the first render; the next ones have the next seeds.
+def _views(folder: Path) -> list[Pixels]:
+    """Render an object; the seeds depend on its id, so that cameras differ between objects.
 
     Raises:
-        UsageError: The package with the weights is not installed.
+        UsageError: It cannot be read, or a render is empty.
     """
-    crops = [_render(parts, np.random.default_rng(seed + k)) for k in range(VIEWS)]
-    found = classify(crops)[1].astype(np.float64)
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    parts = library_part_set(str(folder)).meshes
+    first = int(hashlib.sha256(folder.name.encode()).hexdigest()[:7], 16)
+    return [_render(parts, np.random.default_rng(first + k)) for k in range(VIEWS)]
 
 
 def _render(parts: Sequence[PartMesh], rng: np.random.Generator) -> Pixels:
@@ -165,11 +161,6 @@ def _render(parts: Sequence[PartMesh], rng: np.random.Generator) -> Pixels:
     scene = PartScene(parts, sample_light(rng))
     mask = scene.rasterize(camera).part_ids != NO_PART
     return crop_on_white(scene.render_image(camera), mask)
-
-
-def _seed(object_id: str) -> int:
-    """Return a seed, so that objects have different cameras and backgrounds."""
-    return int(hashlib.sha256(object_id.encode()).hexdigest()[:7], 16)
 
 
 def _key(folder: Path) -> str:
