@@ -210,7 +210,8 @@ def wheels(parts: Segmentation) -> list[PartProposal]:
     found: list[tuple[Array, Disc]] = []
     for k in sorted(np.flatnonzero(likely), key=lambda k: (-cells.area[k], k)):
         axis = _wheel_axis(mesh.triangles[cells.members[k]].reshape(-1, 3))
-        if axis is None or any(_inside(boxes[k].mean(axis=0), disc.box) for _, disc in found):
+        centre = boxes[k].mean(axis=0)
+        if axis is None or any(_inside(centre, disc.box, parts.near) for _, disc in found):
             continue
         inside = parts.inside(cells, boxes[k, 0], boxes[k, 1])
         found.append((axis, Disc(faces=parts.faces_of(cells, inside), box=boxes[k])))
@@ -250,5 +251,5 @@ def _wheel_axis(points: Array) -> Array | None:
     return None
 
 
-def _inside(point: Array, box: Array) -> bool:
-    return bool((point > box[0]).all() and (point < box[1]).all())
+def _inside(point: Array, box: Array, near: float) -> bool:
+    return bool((point > box[0] - near).all() and (point < box[1] + near).all())

@@ -35,6 +35,9 @@ OUTSIDE = 1.6
 """Largest area of the shell of a panel, seen from the front, as a share of the panel."""
 STRIP, LOPSIDED = 2.5, 0.1
 """The handles of a panel that is this much wider than high are centred within this share."""
+UPRIGHT, DIAL = 0.6, 0.2
+"""Panels narrower than the first share of their height are control panels if all protrusions are
+as wide and as high as the second share of their width."""
 ROW = 3
 """Equal protrusions of a control panel."""
 BAR = 2.0
@@ -276,12 +279,17 @@ def _is_leg(parts: Segmentation, front: Front) -> bool:
 
 
 def _is_control_panel(panel: Panel) -> bool:
-    """Return whether a panel has a row of equal knobs, or knobs on one half of a strip."""
+    """Return whether a panel has a row of equal knobs, large dials, or knobs on half of a strip."""
     if panel.handles and panel.size[0] > STRIP * panel.size[1]:
         low = min(handle.rect[0] for handle in panel.handles)
         high = max(handle.rect[2] for handle in panel.handles)
         middle = 0.5 * float(low + high)
         if abs(middle - panel.centre[0]) > LOPSIDED * panel.size[0]:
+            return True
+    if panel.handles and panel.size[0] < UPRIGHT * panel.size[1]:
+        sides = np.array([handle.size for handle in panel.handles])
+        square = sides.max(axis=1) < BAR * sides.min(axis=1)
+        if (square & (sides.min(axis=1) > DIAL * panel.size[0])).all():
             return True
     if len(panel.handles) < ROW:
         return False
@@ -316,6 +324,8 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
         )
     if centred and _is_flap(front) and not _has_neighbour(parts, front, others):
         return _flap(base, front)
+    if front.handle is None and _is_wide_centred(parts, panel):
+        return _turned_flap(base, panel, above=False, reason="a wide front without a handle")
     return _door(parts, base, front, others)
 
 
@@ -391,6 +401,12 @@ def _is_flap(front: Front) -> bool:
     handle, panel = front.handle, front.panel
     bar = handle is not None and handle.size[0] > BAR * handle.size[1]
     return bool(bar or panel.size[1] < FLAP * panel.size[0])
+
+
+def _is_wide_centred(parts: Segmentation, panel: Panel) -> bool:
+    """Return whether a panel is much wider than high, and in the middle of the object."""
+    offset = abs(float(panel.centre[0] - parts.mesh.bounds[:, 1].mean()))
+    return bool(panel.size[1] < FLAP * panel.size[0] and offset < MIRRORED * parts.mesh.size[1])
 
 
 def _has_neighbour(parts: Segmentation, front: Front, others: Sequence[Front]) -> bool:

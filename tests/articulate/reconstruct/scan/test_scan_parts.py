@@ -110,6 +110,41 @@ def test_a_wide_front_without_a_handle_or_with_two_is_a_drawer(knobs):
     assert [part.kind for part in found.parts] == ["drawer"]
 
 
+def test_a_wide_board_in_the_middle_turns_about_its_lower_edge():
+    fixed, doors = plain_boards((-0.398, 0.38, 0.398, 0.88))
+    _, found, _ = found_in((fixed[:4], doors))
+    assert [part.kind for part in found.parts] == ["flap"]
+    np.testing.assert_allclose(found.parts[0].axis, [0, 1, 0])
+    assert found.parts[0].pivot[2] == pytest.approx(0.38, abs=0.01)
+
+
+def test_a_narrow_board_with_large_dials_is_no_door():
+    fixed, [[door], [board]] = plain_boards((-0.398, 0.02, 0.19, 0.6), (0.2, 0.02, 0.398, 0.6))
+    handle = box((0.52, 0.14, 0.2), (0.55, 0.16, 0.4))
+    dials = [
+        trimesh.creation.cylinder(0.03, segment=[(0.52, 0.3, z), (0.55, 0.3, z)])
+        for z in (0.2, 0.4)
+    ]
+    _, found, _ = found_in(([*fixed, board], [[door, handle], *([dial] for dial in dials)]))
+    assert sorted(part.kind for part in found.parts) == ["door", "knob", "knob"]
+
+
+def test_the_caps_of_a_wheel_belong_to_it():
+    wheels = []
+    for x, y in ((-0.3, -0.4), (-0.3, 0.4), (0.3, -0.4), (0.3, 0.4)):
+        tyre = trimesh.creation.annulus(
+            0.04, 0.05, segment=[(x, y - 0.02, 0.05), (x, y + 0.02, 0.05)]
+        )
+        caps = [
+            trimesh.creation.cylinder(0.035, segment=[(x, y + e, 0.05), (x, y + e * 1.01, 0.05)])
+            for e in (-0.0199, 0.0199)
+        ]
+        wheels.append([tyre, *caps])
+    _, found, overlaps = found_in(([box((-0.5, -0.6, 0.11), (0.5, 0.6, 0.5))], wheels))
+    assert [part.kind for part in found.parts].count("wheel") == 4
+    assert min(overlaps) > 0.95
+
+
 def test_the_side_of_a_body_is_no_drawer_and_no_front(tmp_path):
     open_top = carcass()[:4]
     strip = box((-0.02, -0.3, 0.5), (0.0, 0.3, 0.53))  # looks like a handle on the back
