@@ -19,7 +19,7 @@ from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.recognition.categories import category_probabilities, multiply
 from articulate.reconstruct.recognition.library_index import LibraryIndex
-from articulate.reconstruct.recognition.mask import crop_on_white, saliency
+from articulate.reconstruct.recognition.mask import saliency
 from articulate.render.image import png
 from articulate.render.raster import Pixels
 
@@ -52,7 +52,7 @@ def propose(
         UsageError: No object is found, or its category is not in the library.
     """
     mask = object_mask(image, None)
-    seen = category_probabilities(crop_on_white(image, mask), library)
+    seen = category_probabilities(image, mask, library)
     probabilities = with_hints(seen, hints)
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
     category = next(name for name in ranked if name in USUAL)

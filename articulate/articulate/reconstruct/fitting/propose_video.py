@@ -39,7 +39,6 @@ from articulate.reconstruct.fitting.propose import (
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.recognition.categories import category_probabilities, multiply
 from articulate.reconstruct.recognition.library_index import LibraryIndex
-from articulate.reconstruct.recognition.mask import crop_on_white
 from articulate.render.image import png
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
@@ -159,7 +158,7 @@ def _probabilities(
 
     The first frame is used: in it, most objects are closed, and less often covered by a person.
     """
-    seen = category_probabilities(crop_on_white(view.image, mask), library)
+    seen = category_probabilities(view.image, mask, library)
     slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in seen}
     motion = {n: p_revolute * (1.0 - s) + (1.0 - p_revolute) * s for n, s in slides.items()}
     return multiply(seen, motion)

@@ -10,9 +10,11 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from articulate.reconstruct.recognition.classifier import classify
 from articulate.reconstruct.recognition.library_index import LibraryIndex
+from articulate.reconstruct.recognition.mask import crop_on_white, crop_with_background
 from articulate.render.raster import Pixels
 from articulate.transforms import Array
 
@@ -83,21 +85,26 @@ RENDERED_SHARE = 0.45
 """Weight of the linear classifier; the rest is that of the ImageNet classes."""
 
 
-def category_probabilities(crop: Pixels, library: LibraryIndex | None = None) -> dict[str, float]:
+def category_probabilities(
+    image: Pixels, mask: NDArray[np.bool_], library: LibraryIndex | None = None
+) -> dict[str, float]:
     """Return the probability of each category of one object.
 
-    The logarithms of the scores from ImageNet classes and of the linear classifier are averaged.
-    With a library, the result is the mean of these probabilities and those of the library.
+    The probabilities of ImageNet classes are the mean of two crops: with the background and on
+    white. The linear classifier and the library use the crop on white. The logarithms of the scores
+    from ImageNet classes and of the linear classifier are averaged. With a library, the result is
+    the mean of these probabilities and those of the library.
 
     Args:
-        crop: The object on a white background (h, w, 3).
+        image: Colours (H, W, 3).
+        mask: Pixels of the object (H, W).
         library: Renders of objects of known categories.
 
     Raises:
-        UsageError: The package with the weights is not installed.
+        UsageError: The mask is empty, or the package with the weights is not installed.
     """
-    found, features = classify([crop])
-    named, rendered = category_scores(found[0]), rendered_scores(features[0])
+    found, features = classify([crop_on_white(image, mask), crop_with_background(image, mask)])
+    named, rendered = category_scores(found.mean(axis=0)), rendered_scores(features[0])
     logs = {
         name: (1.0 - RENDERED_SHARE) * np.log(named.get(name, FLOOR))
         + RENDERED_SHARE * np.log(rendered.get(name, FLOOR) + FLOOR)

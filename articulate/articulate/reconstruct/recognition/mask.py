@@ -1,4 +1,4 @@
-"""Salient object of an image (U2-Net-p: Qin et al., Pattern Recognition 2020), and its crop."""
+"""Salient object of an image (U2-Net-p: Qin et al., Pattern Recognition 2020), and its crops."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from articulate.transforms import Array
 
 SIDE_PX = 320
 MEAN, SCALE = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-CROP_MARGIN = 0.08
-"""Margin of the crop around the object, as a share of its larger side."""
+CROP_MARGIN, BACKGROUND_MARGIN = 0.08, 0.12
+"""Margins of the crops on white and with background, as shares of the object's larger side."""
 WHITE = 255
 
 
@@ -46,16 +46,33 @@ def crop_on_white(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
     Raises:
         UsageError: The mask (H, W) is empty.
     """
-    rows, columns = np.nonzero(mask)
-    if not len(rows):
-        raise UsageError("no object is in the image")
-    window = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-    on_white = np.where(mask[..., None], image, WHITE)[window].astype(np.uint8)
+    on_white = np.where(mask[..., None], image, WHITE)[_window(mask)].astype(np.uint8)
     border = round(CROP_MARGIN * max(on_white.shape[:2]))
     ends = (border, border, border, border)
     colour = (WHITE, WHITE, WHITE)
     bordered = cv2.copyMakeBorder(on_white, *ends, cv2.BORDER_CONSTANT, value=colour)
     return np.asarray(bordered, dtype=np.uint8)
+
+
+def crop_with_background(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
+    """Return the region of an image (H, W, 3) around the object, with a margin inside the image.
+
+    Raises:
+        UsageError: The mask (H, W) is empty.
+    """
+    return image[_window(mask, BACKGROUND_MARGIN)]
+
+
+def _window(mask: NDArray[np.bool_], margin: float = 0.0) -> tuple[slice, slice]:
+    """Return rows and columns of the mask, with a margin as a share of the larger side."""
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        raise UsageError("no object is in the image")
+    border = round(margin * (1 + max(np.ptp(rows), np.ptp(columns))))
+    return (
+        slice(max(0, rows.min() - border), rows.max() + 1 + border),
+        slice(max(0, columns.min() - border), columns.max() + 1 + border),
+    )
 
 
 @lru_cache(maxsize=1)

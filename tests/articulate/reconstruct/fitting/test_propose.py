@@ -87,7 +87,7 @@ def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) 
     found = dict.fromkeys(USUAL, 0.01)
     found[category] = 0.9
     for used in (module, propose_video):
-        monkeypatch.setattr(used, "category_probabilities", lambda crop, library=None: found)
+        monkeypatch.setattr(used, "category_probabilities", lambda image, mask, library=None: found)
 
 
 def test_drawers_of_a_front_become_parts(

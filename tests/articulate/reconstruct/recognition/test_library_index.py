@@ -64,12 +64,13 @@ def test_a_similar_object_gives_its_category_unless_it_is_excluded() -> None:
 
 def test_the_library_changes_the_category(monkeypatch: pytest.MonkeyPatch) -> None:
     image = np.zeros((8, 8, 3), dtype=np.uint8)
-    imagenet, features = np.full((1, 1000), 1e-3), np.eye(FEATURES)[:1]
+    mask = np.ones((8, 8), dtype=np.bool_)
+    imagenet, features = np.full((2, 1000), 1e-3), np.eye(FEATURES)[:2]
     monkeypatch.setattr(
         "articulate.reconstruct.recognition.categories.classify", lambda _: (imagenet, features)
     )
-    usual = category_probabilities(image)
-    found = category_probabilities(image, clusters())
+    usual = category_probabilities(image, mask)
+    found = category_probabilities(image, mask, clusters())
     assert found["Box"] > usual["Box"]
     assert max(found, key=lambda key: found[key]) == "Box"
     assert sum(found.values()) == pytest.approx(1.0)
