@@ -110,7 +110,8 @@ def test_a_training_from_the_policy_has_the_configuration_of_fine_tuning(config)
     assert found.imitation.until * 300_000 == pytest.approx(own.imitation_steps)
     assert (found.imitation.expert_until, found.imitation.aggregate) == (0.0, True)
     assert found.imitation.learning_rate == own.imitation_learning_rate
-    assert found.ppo.learning_rate == own.learning_rate >= found.ppo.learning_rate_final
+    assert found.ppo.learning_rate == own.learning_rate
+    assert found.ppo.learning_rate_final == own.learning_rate_final
     assert found.ppo.log_std_init == own.log_std_init >= found.ppo.log_std_final
     assert (found.initial_states.share_first, found.initial_states.share_last) == (
         own.share_first, own.share_last,

@@ -310,6 +310,8 @@ class FineTuningConfig:
     """Learning rate of the imitation phase."""
     learning_rate: float = 5e-5
     """Initial learning rate of PPO."""
+    learning_rate_final: float = 4e-5
+    """Learning rate of PPO at the end of the seed's control steps, exponential decay between."""
     log_std_init: float = -1.6
     """Initial logarithm of the standard deviation of actions."""
     share_first: float = 0.3
@@ -319,6 +321,11 @@ class FineTuningConfig:
 
     def __post_init__(self) -> None:
         check_least(0, {"fine_tuning.imitation_steps": self.imitation_steps})
+        for name in ("imitation_learning_rate", "learning_rate", "learning_rate_final"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigError(
+                    f"fine_tuning.{name} is {getattr(self, name)}; it must be above 0"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -441,7 +448,7 @@ class TrainConfig:
             ppo=replace(
                 self.ppo,
                 learning_rate=own.learning_rate,
-                learning_rate_final=min(own.learning_rate, self.ppo.learning_rate_final),
+                learning_rate_final=own.learning_rate_final,
                 log_std_init=own.log_std_init,
                 log_std_final=min(own.log_std_init, self.ppo.log_std_final),
             ),
@@ -489,6 +496,7 @@ REPLACED = (
     "imitation.aggregate",
     "ppo.net_arch",
     "ppo.learning_rate",
+    "ppo.learning_rate_final",
     "ppo.log_std_init",
     "initial_states.share_first",
     "initial_states.share_last",
