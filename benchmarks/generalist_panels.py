@@ -171,6 +171,7 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
 
 def _mirrored(piece: Piece, y: float) -> Piece:
     """Return a box on the other side of the plane at ``y``."""
+    assert isinstance(piece, tuple)  # panels have boxes only
     low, high = piece[1]
     return (piece[0], (2.0 * y - high, 2.0 * y - low), piece[2])
 
