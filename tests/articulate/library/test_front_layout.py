@@ -54,6 +54,30 @@ def test_free_edge_swings_towards_the_front(
     assert velocity == pytest.approx([-1.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("hinge", ["left", "right"])
+@pytest.mark.parametrize(("width_m", "board_m"), [(1.0, 0.018), (0.63, 0.05), (0.4, 0.06)])
+def test_a_thick_door_clears_the_closed_door_beside_it(
+    hinge: str, width_m: float, board_m: float
+) -> None:
+    """The rear corner of its free edge is farther from the hinge than the front corner."""
+    other = "right" if hinge == "left" else "left"
+    sides = {hinge: 0.0 if hinge == "left" else 0.5, other: 0.5 if hinge == "left" else 0.0}
+    panels = [
+        FrontPanel(kind="door", left=at, right=at + 0.5, bottom=0, top=1, hinge=side, handle="none")  # type: ignore[arg-type]
+        for side, at in sides.items()
+    ]
+    spans = []
+    for part in layout(*panels, width_m=width_m, board_m=board_m).parts()[1:]:
+        assert part.motion is not None
+        y = part.shapes[0].solids[0].mesh()[0][:, 1] + part.motion.origin_p[1]
+        spans.append((part.motion.origin_p[1], y.min(), y.max()))
+    for (pivot, low, high), (_, next_low, next_high) in (spans, spans[::-1]):
+        width = high - low
+        room = next_low - pivot if next_low > pivot else pivot - next_high
+        assert np.hypot(width, board_m) < room
+        assert width > 0.45 * width_m
+
+
 @pytest.mark.parametrize("size_m", [0.4, 1.0, 1.5])
 def test_a_flap_is_light_enough_to_be_lifted_at_its_edge(size_m: float) -> None:
     panel = FrontPanel(kind="flap", left=0, right=1, bottom=0, top=1, hinge="bottom")

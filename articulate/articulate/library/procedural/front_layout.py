@@ -39,6 +39,8 @@ HandleKind = Literal["bar", "knob", "none"]
 MOVING = ("drawer", "door", "flap")
 GAP_M = 0.003
 """Gap around fronts [m]."""
+EDGE_M = 0.0015
+"""Room left beside the free edge of a door while it opens [m]."""
 REAR_M = 0.02
 """Gap between a tray and the back [m]."""
 MIN_FRONT_M = 0.06
@@ -218,7 +220,10 @@ class FrontLayout:
         return pieces
 
     def _moving(self, name: str, panel: FrontPanel, y: Span, z: Span) -> Part:
-        front = (self._front_x, shrunk(y, GAP_M / 2), shrunk(z, GAP_M / 2))
+        across = shrunk(y, GAP_M / 2)
+        if panel.hinge in {"left", "right"}:
+            across = _free_to_swing(across, self.board_m, panel.hinge)
+        front = (self._front_x, across, shrunk(z, GAP_M / 2))
         if panel.kind == "drawer":
             hole = (shrunk(y, self._wall_m), shrunk(z, self._wall_m))
             rear = self.depth_m / 2 - self._wall_m - REAR_M
@@ -297,3 +302,14 @@ def grid(
         for r in range(rows)
         for c in range(columns)
     )
+
+
+def _free_to_swing(across: Span, thick_m: float, hinge_at: str) -> Span:
+    """Return the width of a door whose rear edge clears a panel beside it.
+
+    The hinge is at the front. The rear corner of the free edge is ``hypot(width, thick_m)`` away
+    from it, and passes beside the door when this opens.
+    """
+    width = across[1] - across[0]
+    more = max(math.hypot(width, thick_m) - width + EDGE_M - GAP_M, 0.0)
+    return (across[0] + more, across[1]) if hinge_at == "left" else (across[0], across[1] - more)
