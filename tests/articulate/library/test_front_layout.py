@@ -78,6 +78,19 @@ def test_a_thick_door_clears_the_closed_door_beside_it(
         assert width > 0.45 * width_m
 
 
+@pytest.mark.parametrize(("hinge", "end"), [("top", "max"), ("bottom", "min")])
+def test_a_thick_flap_is_lower_at_its_free_edge_only(hinge: str, end: str) -> None:
+    heights = {}
+    for board_m in (0.018, 0.06):
+        panel = FrontPanel(kind="flap", left=0, right=1, bottom=0, top=1, hinge=hinge)  # type: ignore[arg-type]
+        (_, part) = layout(panel, height_m=0.35, board_m=board_m).parts()
+        assert part.motion is not None
+        z = part.shapes[0].solids[0].mesh()[0][:, 2]
+        heights[board_m] = np.ptp(z)
+        assert getattr(z, end)() == pytest.approx(0.0)
+    assert heights[0.06] < heights[0.018]
+
+
 @pytest.mark.parametrize("size_m", [0.4, 1.0, 1.5])
 def test_a_flap_is_light_enough_to_be_lifted_at_its_edge(size_m: float) -> None:
     panel = FrontPanel(kind="flap", left=0, right=1, bottom=0, top=1, hinge="bottom")

@@ -220,10 +220,12 @@ class FrontLayout:
         return pieces
 
     def _moving(self, name: str, panel: FrontPanel, y: Span, z: Span) -> Part:
-        across = shrunk(y, GAP_M / 2)
+        y_front, z_front = shrunk(y, GAP_M / 2), shrunk(z, GAP_M / 2)
         if panel.hinge in {"left", "right"}:
-            across = _free_to_swing(across, self.board_m, panel.hinge)
-        front = (self._front_x, across, shrunk(z, GAP_M / 2))
+            y_front = _free_to_swing(y_front, self.board_m, panel.hinge)
+        elif panel.hinge:
+            z_front = _free_to_swing(z_front, self.board_m, panel.hinge)
+        front = (self._front_x, y_front, z_front)
         if panel.kind == "drawer":
             hole = (shrunk(y, self._wall_m), shrunk(z, self._wall_m))
             rear = self.depth_m / 2 - self._wall_m - REAR_M
@@ -304,12 +306,12 @@ def grid(
     )
 
 
-def _free_to_swing(across: Span, thick_m: float, hinge_at: str) -> Span:
-    """Return the width of a door whose rear edge clears a panel beside it.
+def _free_to_swing(span: Span, thick_m: float, hinge_at: HingeSide) -> Span:
+    """Return the span of a door or flap from its hinge to a free edge that clears the next front.
 
-    The hinge is at the front. The rear corner of the free edge is ``hypot(width, thick_m)`` away
-    from it, and passes beside the door when this opens.
+    The hinge is at the front. The distance of the rear corner of the free edge from it is
+    ``hypot(length, thick_m)``, which the gap must contain while the part opens.
     """
-    width = across[1] - across[0]
-    more = max(math.hypot(width, thick_m) - width + EDGE_M - GAP_M, 0.0)
-    return (across[0] + more, across[1]) if hinge_at == "left" else (across[0], across[1] - more)
+    low, high = span
+    more = max(math.hypot(high - low, thick_m) - (high - low) + EDGE_M - GAP_M, 0.0)
+    return (low + more, high) if hinge_at in {"left", "top"} else (low, high - more)
