@@ -26,7 +26,7 @@ class BoxWithLid(Dimensions):
 
     category: ClassVar[str] = "Box"
 
-    width_m: float = between(0.30, 0.50, accepted=(0.15, 0.9))
+    width_m: float = between(0.30, 0.50, accepted=(0.15, 1.0))
     """Width along y without lips [m]."""
     depth_m: float = between(0.25, 0.38, accepted=(0.15, 0.5))
     """Depth along x [m]."""

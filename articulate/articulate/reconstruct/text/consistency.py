@@ -30,7 +30,9 @@ def set_sizes(out: Description, sizes: Sequence[tuple[str, float, float | None]]
         name = {0.001: "mm", 0.01: "cm", 1.0: "m"}.get(guess, f"{guess:g} m")
         values = ", ".join(f"{value:g}" for value in unitless)
         out.assumptions.append(f"{values} without a unit: {name}")
-    for dimension, value, unit in sizes:
+    flat = "height" if out.category == "laptop" else "depth"
+    for name, value, unit in sizes:
+        dimension = flat if name == "thickness" else name
         length = value * (guess if unit is None else unit)
         known = out.sizes_m.get(dimension)
         if known is not None and abs(known - length) > 1e-3 * known:

@@ -70,10 +70,23 @@ def _grid_turned(match: re.Match[str]) -> str:
     return f" @grid_{match[2]}_{match[1]} "
 
 
+def _repeated_noun(match: re.Match[str]) -> str:
+    """Replace ``ones`` by the noun before it."""
+    noun = match[1]
+    plural = noun if noun.endswith("s") else "shelves" if noun == "shelf" else f"{noun}s"
+    return f"{noun}{match[2]}{plural}"
+
+
 ROWS = r"(?:horizontal )?(?:rows?|tiers?|levels?)"
 COLUMNS = r"(?:vertical )?(?:columns?|stacks?|towers?|banks?)"
 Symbol = str | Callable[[re.Match[str]], str]
 IDIOMS: tuple[tuple[str, Symbol], ...] = (
+    (
+        r"\b(doors?|drawers?|flaps?|shelf|shelves)\b((?:(?!\b(?:doors?|drawers?|flaps?|shel)).)*?"
+        r"\b(?:above|over|on top of|below|under(?:neath)?|beneath|beside|next to) \d+ (?:\w+ )?)"
+        r"ones\b",
+        _repeated_noun,
+    ),
     (r"\bno (?:more|less|wider|higher|taller|deeper) than\b", " "),
     (r"\bhandle ?less\b", " @no handles "),
     (r"\b(?:instead of|rather than|in place of) (?:a |the )?(?:bars?|knobs?|handles?)\b", " "),
@@ -134,6 +147,11 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         rf"{AT}{THE}{SIDE}(?:\s+(?:side|edge|end))?\b",
         _hinge,
     ),
+    (
+        rf"\b(?:hing(?:ed|es?)|pivot(?:s|ed)?)\s+(?:(?:is|are)\s+)?{AT}{THE}(?:back|rear)"
+        r"(?:\s+(?:side|edge|end))?\b",
+        " ",
+    ),
     (rf"\b{SIDE}[ -](?:side )?(?:hing(?:ed|es?)|hung)\b", _hinge),
     (
         rf"\b(?:handles?|knobs?|grips?) (?:is |are )?(?:on|at|to) (?:the |its )?{SIDE}"
@@ -164,6 +182,11 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     # relations and positions
     (rf"\b{AT}{THE}left(?:[ -]hand)?(?: side)? of\b", " @rel_left "),
     (rf"\b{AT}{THE}right(?:[ -]hand)?(?: side)? of\b", " @rel_right "),
+    (
+        rf"\b(?:under(?:neath)?|below|beneath)\s+{THE}(left|right)(?:[ -]hand)?"
+        r" (side|half|part|end|edge|third|portion)\b",
+        _position,
+    ),
     (r"\b(?:on|at) (?:the )?top of\b|\b(?:above|over|atop)\b", " @rel_above "),
     (r"\b(?:at the bottom of|under(?:neath)?|below|beneath)\b", " @rel_below "),
     (r"\b(?:topped|surmounted|crowned) (?:by|with)\b", " @rel_below "),
@@ -183,7 +206,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         " @pos_ends ",
     ),
     (
-        rf"\b(?:on|at|to|in|along|near)\s+{THE}(?:very |far |extreme )?"
+        rf"\b(?:on|at|to|in|along|near|across)\s+{THE}(?:very |far |extreme )?"
         r"(left|right|top|bottom|middle|center|centre|base|foot|upper|lower)(?:[ -]hand)?"
         r"(?: (side|half|part|section|end|edge|third|column|row|portion|area))?(?! of)\b",
         _position,
@@ -196,6 +219,11 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (r"\bhot and cold (?:water )?(?:handles?|taps?|knobs?|levers?)\b", " 2 handles "),
     (r"\b(?:drawer |office )?pedestals?\b", " pedestal @opt_pedestal "),
     (r"\bfrench doors?\b", " 2 doors @row "),
+    (
+        r"\b(?:double|twin|dual|triple) (?:wall(?:ed)?|glaz(?:ed|ing)|insulated|sided|layer(?:ed)?|"
+        r"skin(?:ned)?|lined|paned?|action|sealed|locking)\b",
+        " ",
+    ),
     (r"\b(?:double|twin|dual)\b", " @mult_2 "),
     (r"\btriple\b", " @mult_3 "),
     (r"\b(?:quadruple|quad)\b", " @mult_4 "),

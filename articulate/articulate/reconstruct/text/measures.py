@@ -59,7 +59,8 @@ LABELS = {
     "long": "length",
     "depth": "depth",
     "deep": "depth",
-    "thick": "depth",
+    "thick": "thickness",
+    "thickness": "thickness",
     "height": "height",
     "high": "height",
     "tall": "height",
@@ -68,9 +69,10 @@ LABELS = {
     "dia": "diameter",
     "radius": "radius",
 }
-BEFORE = r"(?:w|d|h|l|width|breadth|length|depth|height|diameter|dia|radius)"
+BEFORE = r"(?:w|d|h|l|width|breadth|length|depth|height|diameter|dia|radius|thickness)"
 AFTER = (
-    r"(?:wide|broad|long|deep|thick|high|tall|across|dia|diameter|width|depth|height|length|w|d|h)"
+    r"(?:wide|broad|long|deep|thick|high|tall|across|dia|diameter|width|depth|height|length|"
+    r"thickness|w|d|h)"
 )
 ABOUT = r"(?:(?:of|is|are|about|approximately|approx\.?|around|roughly|circa|ca\.?|at|least|most|"
 ABOUT += r"up|to|exactly|no|more|less|than|nearly|almost|some)\s+)*"
@@ -85,7 +87,7 @@ class Measure:
     """One length in a text."""
 
     dimension: str
-    """``width``, ``depth``, ``height``, ``diameter`` or, without a name, ``any``."""
+    """``width``, ``depth``, ``height``, ``diameter``, ``thickness`` or, without a name, ``any``."""
     value: float
     """Number, in the unit."""
     unit_m: float | None
@@ -146,6 +148,11 @@ def find_measures(text: str) -> Measured:
     text = re.sub(
         r"(\d+)\s*(?:'|ft\.?|foot|feet)\s*(?:and\s+)?(\d+(?:\.\d+)?)\s*(?:\"|in\b\.?|inch(?:es)?)",
         lambda m: f"{12 * int(m[1]) + float(m[2]):g} inch",
+        text,
+    )
+    text = re.sub(  # "thickness of the walls is 4 cm"
+        rf"\bthickness of ((?:[a-z]+ )+?){ABOUT}[:=]?\s*(?={NUMBER}\s*{UNIT})",
+        r"\1thickness ",
         text,
     )
     found: list[tuple[Measure, ...]] = []

@@ -26,6 +26,7 @@ from articulate.reconstruct.text.reader import (
     normalise,
     tokens_of,
 )
+from articulate.reconstruct.text.size_owner import is_component_size
 from articulate.reconstruct.text.vocabulary import (
     COLOURS,
     FILLER,
@@ -480,12 +481,7 @@ class _Parser(ArrangementReader):
         pending.material = ""
 
     def _measure(self, index: int) -> None:
-        following = self.following
-        before = self.before
-        kind = self.part_at(self.at + 1)[1]
-        own = kind in FIXED_FEATURES.get(self.out.category, frozenset())
-        of_part = bool(kind) and not own and self.out.category not in {"door", "sliding_window"}
-        if of_part or before == "each" or following == "each":
+        if is_component_size(self, self.measured.measures[index]):
             texts = ", ".join(m.text for m in self.measured.measures[index])
             self.out.doubts.append(f'"{texts}" is a size of a part, which cannot be set')
             return

@@ -387,21 +387,28 @@ SIZE_WORDS: dict[str, tuple[str, float]] = {
     "tiny": ("all", 0.7),
     "mini": ("all", 0.7),
     "compact": ("all", 0.8),
+    "smaller": ("all", 0.8),
+    "larger": ("all", 1.25),
+    "bigger": ("all", 1.25),
     "large": ("all", 1.25),
     "big": ("all", 1.25),
     "huge": ("all", 1.4),
     "tall": ("height", 1.3),
+    "taller": ("height", 1.3),
     "high": ("height", 1.3),
     "low": ("height", 0.7),
     "short": ("height", 0.7),
     "wide": ("width", 1.3),
+    "wider": ("width", 1.3),
     "broad": ("width", 1.3),
     "long": ("width", 1.3),
     "narrow": ("width", 0.7),
+    "narrower": ("width", 0.7),
     "slim": ("width", 0.75),
     "slimline": ("width", 0.75),
     "slender": ("width", 0.75),
     "deep": ("depth", 1.2),
+    "deeper": ("depth", 1.2),
     "shallow": ("depth", 0.75),
 }
 """Dimension and factor of words that describe size."""
@@ -446,7 +453,7 @@ NO_EFFECT = word_set(
     computer book books clothes shoes shoe tools cutlery detergent powder baking tray pizza
     storage combination flush front-loading side-hung hinged interior inner outer internal
     external decorative countertop veneer veneered laminate frost
-    soft close self closing lockable
+    soft close self closing lockable mirrored
     """
 )
 """Words that are understood and do not change the object."""

@@ -123,6 +123,22 @@ ARRANGED = [
         "a wooden chest 50 cm long, 30 cm wide and 20 cm high with a lid",
         {"category": "Box", "parts": {"lid": 1}, "size_m": {"width": 0.5, "depth": 0.3}},
     ),
+    (
+        "a dresser with two small drawers on top of three wide ones",
+        {"category": S, "parts": {"drawer": 5}},
+    ),
+    (
+        "a wooden chest 1 m long with a lid hinged at the back",
+        {"category": "Box", "parts": {"lid": 1}, "size_m": {"width": 1.0}},
+    ),
+    (
+        "a microwave with a double-walled door",
+        {"category": "Microwave", "parts": {"door": 1}},
+    ),
+    (
+        "a sideboard with three drawers across the top and three doors below them",
+        {"category": S, "parts": {"drawer": 3, "door": 3}, "above": [["drawer", "door"]]},
+    ),
     ("a double oven", {"category": "Oven", "parts": {"door": 2}, "grid": {"door": [2, 1]}}),
 ]
 
@@ -132,6 +148,42 @@ def test_objects_are_arranged_as_in_their_text(text, expected):
     proposal = propose(text)
     assert not differences(expected, proposal)
     assert not proposal.doubts
+
+
+@pytest.mark.parametrize(
+    ("text", "sizes_m"),
+    [
+        (
+            "a fridge 60 cm wide, 65 cm deep and 180 cm tall with 4 cm thick walls",
+            {"width": 0.6, "depth": 0.65, "height": 1.8},
+        ),
+        ("a cabinet 80 cm wide with walls that are 18 mm thick", {"width": 0.8}),
+        ("a wooden box, wall thickness 12 mm, 60 cm wide", {"width": 0.6}),
+        ("a microwave with a door, thickness of the door 4 cm", {}),
+        ("a safe with a steel door 5 cm thick and 8 mm walls", {}),
+        ("a chest of three drawers made from 16 mm boards, 90 cm high", {"height": 0.9}),
+        ("a cupboard of 18 mm plywood with one door", {}),
+        ("a sideboard on 15 cm high legs", {}),
+        ("a kitchen unit with a 38 mm worktop and two doors, 60 cm wide", {"width": 0.6}),
+    ],
+)
+def test_size_of_a_component_is_not_a_size_of_the_object(text, sizes_m):
+    assert parse(text).sizes_m == pytest.approx(sizes_m)
+    assert any("is a size of a part, which cannot be set" in d for d in propose(text).doubts)
+
+
+@pytest.mark.parametrize(
+    ("text", "sizes_m"),
+    [
+        ("a door 80 cm wide and 4 cm thick", {"width": 0.8, "depth": 0.04}),
+        ("a suitcase 70 cm high and 28 cm thick", {"height": 0.7, "depth": 0.28}),
+        ("a laptop 2 cm thick", {"height": 0.02}),
+        ("a 60 cm oak cabinet", {"any": 0.6}),
+    ],
+)
+def test_thickness_of_a_flat_object_is_a_size_of_the_object(text, sizes_m):
+    assert parse(text).sizes_m == pytest.approx(sizes_m)
+    assert not propose(text).doubts
 
 
 def test_words_that_are_not_understood_make_the_object_doubtful():
