@@ -2,7 +2,8 @@
 
 The categories of the procedural library have one kind of handle each, within millimetres. Here one
 drawer, door or lid of a plain box has a bar, a knob or a plate of any size that the gripper holds,
-anywhere on its front, and hinges are at all edges. Parts without a handle have a projecting edge.
+anywhere on its front, and hinges are at all edges. Parts without a handle have a projecting edge;
+fingers close on it, or hook it where the part is thicker than the gripper opens.
 Shallow handles leave little room behind them, and double doors have two handles side by side.
 """
 
@@ -37,9 +38,12 @@ KINDS = (
     "panel_drawer", "panel_door", "panel_lid",
     "panel_wide_door", "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
     "panel_shallow_drawer", "panel_shallow_door", "panel_double_door",
+    "panel_hook_drawer", "panel_hook_door", "panel_hook_lid",
 )  # fmt: skip
 """Names of the objects; the last word is what moves. New ones are added at the end: the random
 numbers depend on the order."""
+HOOK_BOARD_M = (0.078, 0.11)
+"""Thickness of parts that are hooked [m]."""
 MAX_HELD_M = 0.062
 """Largest thickness between the fingers [m]; objects are scaled by up to 1.1."""
 GAP_M, BOARD_M = 0.003, 0.016
@@ -128,11 +132,17 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
         return _lid(s)
     if kind == "panel_thin_lid":
         return _thin_lid(s)
-    drawer, edge, double = kind.endswith("drawer"), "edge" in kind, "double" in kind
+    hook = "hook" in kind
+    if kind == "panel_hook_lid":
+        return _thick_lid(s)
+    drawer, edge, double = kind.endswith("drawer"), hook or "edge" in kind, "double" in kind
     wide = s.between(0.2, 0.65)
     high = s.between(0.11, 0.32) if drawer else s.between(0.2, 0.6)
     deep = s.between(0.3, 0.5) if drawer else s.between(0.2, 0.4)
     board_m = BOARD_M if kind in KINDS[:2] else s.log_between(0.008, 0.045)
+    density = None
+    if hook:  # hollow or of foam
+        board_m, density = s.between(*HOOK_BOARD_M), s.log_between(15.0, 80.0)
     y, z = around(0.0, wide), (0.02, 0.02 + high)
     front = (-deep / 2 - board_m - GAP_M, -deep / 2 - GAP_M)
     body_x = (-deep / 2, deep / 2)
@@ -148,7 +158,10 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
         motion = slide("body", "panel", at, (-1.0, 0.0, 0.0), s.between(0.5, 0.85) * deep)
         if edge:
             pieces["lip"] = (front, y, (z[1], z[1] + s.between(0.02, 0.05)))
-        shapes = [shape("panel_board", "oak", pieces), shape("panel_tray", "birch", inside)]
+        shapes = [
+            shape("panel_board", "oak", pieces, density),
+            shape("panel_tray", "birch", inside),
+        ]
     else:
         at, frame, room, motion = _door(
             s, front[0], y, z, anywhere=kind == "panel_wide_door", double=double
@@ -157,7 +170,7 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
             side = 1.0 if at[1] > 0.0 else -1.0
             ends = sorted((side * wide / 2, side * (wide / 2 + s.between(0.02, 0.05))))
             pieces["lip"] = (front, (ends[0], ends[1]), z)
-        shapes = [shape("panel_board", "oak", pieces)]
+        shapes = [shape("panel_board", "oak", pieces, density)]
     if not edge:
         shallow = "shallow" in kind or (double and s.chance(0.6))
         handle = handle_pieces(s, at, frame, room, shallow=shallow)
@@ -254,6 +267,20 @@ def _thin_lid(s: Sampler) -> list[Part]:
     board = shape("panel_board", "oak", pieces, s.between(500.0, 2000.0))
     at, upper = (x[1], 0.0, low), s.between(1.5, 2.3)
     motion = hinge("body", "panel", at, (0.0, 1.0, 0.0), upper, stiff=s.log_between(0.02, 0.3))
+    return linked([box, Part(name="panel", shapes=(board,), motion=motion)])
+
+
+def _thick_lid(s: Sampler) -> list[Part]:
+    """Return a box with a thick lid that projects in front, as of a cooler or a freezer."""
+    wide, deep, high = s.between(0.25, 0.5), s.between(0.2, 0.35), s.between(0.2, 0.45)
+    x, y, low = around(0.0, deep), around(0.0, wide), high + GAP_M
+    walls = tray((x, y, (0.0, high)), 0.02)
+    box = Part(name="body", shapes=(shape("body_walls", "birch", walls),))
+    out, thick = s.between(0.045, 0.07), s.between(*HOOK_BOARD_M)
+    lid: dict[str, Piece] = {"board": ((x[0] - out, x[1]), y, (low, low + thick))}
+    at, upper = (x[1], 0.0, low + thick), s.between(1.2, 1.6)
+    motion = hinge("body", "panel", at, (0.0, 1.0, 0.0), upper, stiff=s.log_between(0.05, 0.3))
+    board = shape("panel_board", "oak", lid, s.between(40.0, 150.0))
     return linked([box, Part(name="panel", shapes=(board,), motion=motion)])
 
 

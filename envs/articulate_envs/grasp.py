@@ -27,7 +27,7 @@ class Grasp:
 
 
 NO_GRASP = Grasp()
-"""Grasp of a part without a handle: its point is to be reached."""
+"""Grasp of a part that is not held between the fingers: its point is to be reached."""
 
 
 def grasp_of(handle: Handle | None, placement: ObjectPlacement | None = None) -> Grasp:
@@ -36,7 +36,7 @@ def grasp_of(handle: Handle | None, placement: ObjectPlacement | None = None) ->
     All places along a bar or an edge are equal. A knob is held at its middle: beside it its sides
     lean outward and push fingers off.
     """
-    if handle is None or handle.kind == "push":
+    if handle is None or handle.shut:
         return NO_GRASP
     long_m = 0.0 if handle.kind == "knob" else handle.extent[0] - FINGER_M
     along_m = min(max(0.0, 0.9 * long_m / 2.0), MAX_ALONG_M)

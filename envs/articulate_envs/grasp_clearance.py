@@ -45,7 +45,7 @@ def shift_beside(scene: Scene) -> float:
         scene: Scene with the grasp in the middle of the handle.
     """
     handle = scene.asset.handle_of(scene.task.joint)
-    if handle is None or handle.kind in ("push", "none"):
+    if handle is None or handle.shut or handle.kind == "none":
         return 0.0
     best_m, shift_m = _clearance(scene, 0.0), 0.0
     if best_m >= ENOUGH_M:
@@ -166,8 +166,7 @@ def _deepest(
         part = opened if joint.name == scene.task.joint else 0.0
         data.joint(PREFIX + joint.name).qpos[0] = joint.closed + part * joint.span
     handle = scene.asset.handle_of(scene.task.joint)
-    pushes = handle is not None and handle.kind == "push"
-    half = 0.0 if pushes else scene.arm.gripper.max_width_m / 2.0
+    half = 0.0 if handle is not None and handle.shut else scene.arm.gripper.max_width_m / 2.0
     data.qpos[at.arm_q : at.arm_q + 7] = q
     data.qpos[at.finger_q : at.finger_q + 2] = fingers or (half, -half)
     mujoco.mj_forward(model, data)

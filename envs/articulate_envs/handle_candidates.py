@@ -12,6 +12,7 @@ from articulate.checks.model import ObjectModel, load_model
 from articulate.checks.solids import solids_of
 from articulate.conversion.handles import handle_from_grasp, opening_direction
 from articulate.geometry.grasp import grasp_candidates
+from articulate.geometry.hook import hook_places
 from articulate.geometry.push import push_place
 from articulate.transforms import Array, apply
 
@@ -22,7 +23,7 @@ DIFFERENT_M = 0.02
 
 
 def handle_candidates(asset: Asset, joint: str, *, closes: bool) -> Iterator[Handle]:
-    """Yield the asset's own handle, then other places to hold, then one to push.
+    """Yield the asset's own handle, then other places to hold, then those to hook, or one to push.
 
     An own handle that fingers cannot hold comes last.
 
@@ -52,8 +53,10 @@ def handle_candidates(asset: Asset, joint: str, *, closes: bool) -> Iterator[Han
             break
     if closes:
         place = push_place(surface, owner, opening=opening, far_from=far_from)
-        if place is not None:
-            yield handle_from_grasp(place, asset.joint(joint), T_ol)
+        places = [] if place is None else [place]
+    else:
+        places = hook_places(surface, owner, opening=opening, far_from=far_from)
+    yield from (handle_from_grasp(place, asset.joint(joint), T_ol) for place in places)
     if own is not None and own.kind == "none":
         yield own
 

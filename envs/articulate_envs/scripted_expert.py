@@ -1,10 +1,10 @@
 """Scripted expert: a controller with privileged state that operates the task's part.
 
 It moves in front of the handle, approaches it straight, grasps it, leads the part along its path
-and stays at the target. A part without a handle that is to be closed is pushed with closed fingers.
-The expert uses only the state of the current control step, so it can act from any state, and works
-for every task. Training begins by imitating it (:mod:`articulate_train.imitation`); deployed
-policies contain nothing of it.
+and stays at the target. Closed fingers push a part without a handle that is to be closed, and hook
+one behind its edge that is to be opened. The expert uses only the state of the current control
+step, so it can act from any state, and works for every task. Training begins by imitating it
+(:mod:`articulate_train.imitation`); deployed policies contain nothing of it.
 """
 
 from __future__ import annotations
@@ -72,9 +72,17 @@ STEP = 0.01
 """Step of the open fraction by which the travel of the handle is measured."""
 PUSH_M = 0.012
 """Distance before a place to push at which closed fingers count as touching it [m]."""
+HOOK_M = (0.03, 0.02, 0.008)
+"""Largest distance from a place behind an edge at which closed fingers hook it: in the direction of
+opening, across it, and in the direction of approach [m]."""
 SHUT, BEYOND = 0.2, 1.08
 """Goal of the lead as a share of the target: well inside it for a part that closes, beyond it for
 one that opens, at most half the way to its stop."""
+HOOKED_BRAKE, HOOKED_BEYOND = 1.0, 1.15
+"""``BRAKE`` and ``BEYOND`` for a part that is hooked: only its load holds it at the fingers, and the
+arm yields to that load."""
+HOOKED_M = 0.005
+"""Distance by which fingers that pull are led deeper behind an edge, off which they slip [m]."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +107,10 @@ class ScriptedExpert:
     beside_m: Array
     """Position of the handle's middle along the closing axis (N,) [m]; the fingers may be centred
     anywhere from 0 to it."""
-    pushes: Mask
-    """True where closed fingers push the part instead of holding it (N,)."""
+    shut: Mask
+    """True where closed fingers push or hook the part instead of holding it (N,)."""
+    hooks: Mask
+    """True where they hook it (N,)."""
     aim: Array
     """Open fraction to which the part is led (N,)."""
 
@@ -117,7 +127,8 @@ class ScriptedExpert:
         T_wa = state.T_wt_target @ _small_pose(state.pending_actions[:, :6] * unit)
         T_ha = relative(state.T_wh, T_wa)
         held, empty = self._held(state, params, T_ht)
-        held, empty = np.where(self.pushes, _touching(T_ht), held), empty & ~self.pushes
+        touching = np.where(self.hooks, _behind(T_ht), _touching(T_ht))
+        held, empty = np.where(self.shut, touching, held), empty & ~self.shut
         near, at = self._at_handle(T_ht, T_ha)
         goal = self._before(T_ha, retreat=empty)
         T_goal = np.where(held[:, None, None], self._ahead(state, params, T_ht), state.T_wh @ goal)
@@ -129,7 +140,7 @@ class ScriptedExpert:
             size = np.abs(twist[:, part]).max(axis=1)
             size = np.where(held, np.maximum(size, TOGETHER * largest), size)
             twist[:, part] *= (limit / np.maximum(size, limit))[:, None]
-        close = self.pushes | ((held | at | (commanded & near)) & ~empty)
+        close = self.shut | ((held | at | (commanded & near)) & ~empty)
         out = np.zeros((len(twist), ACTION.size))
         out[:, :6] = twist
         out[:, ACTION.slice("gripper").start] = np.where(close, 1.0, -1.0)
@@ -170,6 +181,7 @@ class ScriptedExpert:
         lateral = np.linalg.norm(off[:, :2], axis=1)
         turned = rotation_angle(T_ha[:, :3, :3])
         straight = np.clip(0.5 * (OPEN_M - self.thick_m) - ROOM_M, *STRAIGHT_M)
+        straight = np.where(self.hooks, STRAIGHT_M[0], straight)
         back = BACK[0] * np.maximum(lateral - straight, 0.0)
         back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
         back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MAX_BACK_M)
@@ -178,13 +190,20 @@ class ScriptedExpert:
         return pose(np.stack([along, np.zeros_like(along), self.deep_m - back], axis=1))
 
     def _ahead(self, state: State, params: EpisodeParams, T_ht: Array) -> Array:
-        """Return goal poses (N, 4, 4) in the world of a gripper that leads the part, grasp kept."""
+        """Return goal poses (N, 4, 4) in the world of a gripper that leads the part, grasp kept.
+
+        Fingers that hook it stay as deep behind its edge as they should be.
+        """
         scale, left = params["scale"], self.aim - state.opened
         next_pose = self._moved(state.T_wh, scale, STEP * np.sign(left))
         travel = np.linalg.norm((next_pose - state.T_wh)[:, :3, 3], axis=1) / STEP
-        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + MIN_LEAD_M)
+        brake = np.where(self.hooks, HOOKED_BRAKE, BRAKE)
+        lead = np.minimum(LEAD_M, brake * np.abs(left) * travel + MIN_LEAD_M)
         ahead = np.sign(left) * np.minimum(np.abs(left), lead / np.maximum(travel, 1e-6))
-        return np.asarray(self._moved(state.T_wh, scale, ahead) @ T_ht)
+        kept = np.where(self.hooks[:, None, None], np.eye(4), T_ht)
+        kept[:, 0, 3] = T_ht[:, 0, 3]
+        kept[:, 2, 3] = np.where(self.hooks, HOOKED_M, T_ht[:, 2, 3])
+        return np.asarray(self._moved(state.T_wh, scale, ahead) @ kept)
 
     def _moved(self, T_wh: Array, scale: Array, fraction: Array) -> Array:
         """Return the poses (N, 4, 4) of handles at ``T_wh`` after ``fraction`` (N,) of travel.
@@ -223,8 +242,9 @@ def make_scripted_expert(scene: Scene, *others: Scene) -> ScriptedExpert:
         thick_m=np.array([grasp.thick_m for grasp in grasps]),
         deep_m=np.array([_deep_m(handle) for handle in handles]),
         beside_m=np.array([grasp.beside_m for grasp in grasps]),
-        pushes=np.array([h is not None and h.kind == "push" for h in handles]),
-        aim=np.array([_aim(one.task) for one in scenes]),
+        shut=np.array([h is not None and h.shut for h in handles]),
+        hooks=np.array([h is not None and h.kind == "hook" for h in handles]),
+        aim=np.array([_aim(one.task, h) for one, h in zip(scenes, handles, strict=True)]),
     )
 
 
@@ -235,12 +255,13 @@ def _deep_m(handle: Handle | None) -> float:
     return min(max(0.5 * handle.extent[2] - TIP_M, 0.0), DEEP_M)
 
 
-def _aim(task: Task) -> float:
-    """Return the open fraction to which the part of ``task`` is led."""
+def _aim(task: Task, handle: Handle | None) -> float:
+    """Return the open fraction to which the part of ``task`` is led by ``handle``."""
     if task.closes:
         return SHUT * task.target
     stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
-    return min(BEYOND * task.target, stop)
+    hooks = handle is not None and handle.kind == "hook"
+    return min((HOOKED_BEYOND if hooks else BEYOND) * task.target, stop)
 
 
 def _touching(T_ht: Array) -> Mask:
@@ -248,6 +269,13 @@ def _touching(T_ht: Array) -> Mask:
     off = T_ht[:, :3, 3]
     beside = np.linalg.norm(off[:, :2], axis=1) < LOST_M
     return np.asarray(beside & (off[:, 2] > -PUSH_M))
+
+
+def _behind(T_ht: Array) -> Mask:
+    """Return a mask (N,): closed fingers are behind the edge that they hook."""
+    off = np.abs(T_ht[:, :3, 3])
+    off[:, 2] = np.maximum(-T_ht[:, 2, 3], 0.0)
+    return np.asarray((off < HOOK_M).all(axis=1))
 
 
 def _small_pose(twist: Array) -> Array:

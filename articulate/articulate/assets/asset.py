@@ -117,10 +117,17 @@ class Handle:
     """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
     extent: Vec3
     """Size along ``along_l``, along the closing axis, and along ``normal_l`` [m]."""
-    kind: Literal["bar", "knob", "edge", "push", "none"]
+    kind: Literal["bar", "knob", "edge", "push", "hook", "none"]
     """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel,
-    ``push`` is a place on the front that closed fingers push, ``none`` is the outermost point of a
-    part without a graspable handle."""
+    ``push`` is a place on the front that closed fingers push, ``hook`` is a place behind an edge
+    that they pull, with ``along_l`` in the direction of opening, ``none`` is the outermost point of
+    a part without a graspable handle."""
+
+    @property
+    def shut(self) -> bool:
+        """True if fingers are closed at this place and hold nothing between them."""
+        return self.kind in ("push", "hook")
+
     source: Literal["name", "geometry", "edge", "given"]
     """Origin: its name, its shape, an edge, or the user."""
 

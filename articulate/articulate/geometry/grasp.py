@@ -67,9 +67,9 @@ class Grasp:
     """Unit vector along the handle (3,)."""
     extent: tuple[float, float, float]
     """Size along ``along_o``, the closing axis and ``normal_o`` [m]."""
-    kind: Literal["bar", "knob", "edge", "push", "none"]
-    """``push``: a place that closed fingers push; ``none``: an outermost point that fingers cannot
-    hold."""
+    kind: Literal["bar", "knob", "edge", "push", "hook", "none"]
+    """``push``: a place that closed fingers push; ``hook``: one behind an edge that they pull;
+    ``none``: an outermost point that fingers cannot hold."""
     named: bool
     """True on a piece named as a handle."""
 
