@@ -97,47 +97,69 @@ def choose_scene(
         AssetError: The joint does not exist, or none matches the task.
         ReachError: None is reachable.
     """
-    handles: dict[str, Iterable[Handle]] = {
-        joint: handle_candidates(asset, joint, closes=closes(config.task))
-        for joint in _joints(config, asset)
-    }
+    search = _Search(config, asset)
     targets = SMALLER_TARGETS if config.target_open is None else (config.target_open,)
     best: tuple[float, Scene] | None = None
-    reasons: dict[str, str] = {}
     n_rated = 0
     for target_open in targets:
+        for scene in search.scenes(target_open):
+            success = 1.0 if rate is None else rate(scene)
+            n_rated += 1
+            if best is None or success > best[0]:
+                best = success, scene
+            if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
+                return best[1]
+        if best is not None and best[0] >= FAIR_SUCCESS:
+            break
+    if best is None:
+        raise search.failure()
+    return best[1]
+
+
+class _Search:
+    """Reachable scenes of one target after the other."""
+
+    def __init__(self, config: JointSelectionConfig, asset: Asset) -> None:
+        """Find the joints; handles are searched when they are needed."""
+        self._config, self._asset = config, asset
+        self._handles: dict[str, Iterable[Handle]] = {
+            joint: handle_candidates(asset, joint, closes=closes(config.task))
+            for joint in _joints(config, asset)
+        }
+        self._reasons: dict[str, str] = {}
+
+    def scenes(self, target_open: float | None) -> Iterator[Scene]:
+        """Yield the scenes of all joints and handles for a target.
+
+        The next target tries the handles again that were held but could not be followed so far.
+        """
         later: dict[str, Iterable[Handle]] = {}
-        for joint, candidates in handles.items():
-            task = make_task(config.task, asset, joint, target_open=target_open)
+        for joint, candidates in self._handles.items():
+            task = make_task(self._config.task, self._asset, joint, target_open=target_open)
             followable: list[Handle] = []
             later[joint] = followable
             for handle in candidates:
                 try:
-                    scenes = list(_reached(config, asset, task, handle))
+                    scenes = list(_reached(self._config, self._asset, task, handle))
                 except ReachError as error:
-                    reasons.setdefault(joint, str(error).removeprefix(f"{asset.name}: "))
+                    reason = str(error).removeprefix(f"{self._asset.name}: ")
+                    self._reasons.setdefault(joint, reason)
                     if isinstance(error, PathError):
                         followable.append(handle)
                     continue
                 followable.append(handle)
-                for scene in scenes:
-                    success = 1.0 if rate is None else rate(scene)
-                    n_rated += 1
-                    if best is None or success > best[0]:
-                        best = success, scene
-                    if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
-                        return best[1]
-        if best is not None and best[0] >= FAIR_SUCCESS:
-            break
-        handles = later
-    if best is None:
-        joints = list(handles)
-        failure = _unreachable(asset, joints, reasons)
-        if config.placement is None or asset.handle_of(joints[0]) is None:
-            raise failure
-        task = make_task(config.task, asset, joints[0], target_open=config.target_open)
-        raise ReachError(f"{failure}; {_describe_nearest(config, asset, task)}")
-    return best[1]
+                yield from scenes
+        self._handles = later
+
+    def failure(self) -> ReachError:
+        """Return the error for a search that found nothing."""
+        joints = list(self._handles)
+        failure = _unreachable(self._asset, joints, self._reasons)
+        if self._config.placement is None or self._asset.handle_of(joints[0]) is None:
+            return failure
+        target_open = self._config.target_open
+        task = make_task(self._config.task, self._asset, joints[0], target_open=target_open)
+        return ReachError(f"{failure}; {_describe_nearest(self._config, self._asset, task)}")
 
 
 def _describe_nearest(config: JointSelectionConfig, asset: Asset, task: Task) -> str:

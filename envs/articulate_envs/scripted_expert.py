@@ -79,8 +79,8 @@ SHUT, BEYOND = 0.2, 1.08
 """Goal of the lead as a share of the target: well inside it for a part that closes, beyond it for
 one that opens, at most half the way to its stop."""
 HOOKED_BRAKE, HOOKED_BEYOND = 1.0, 1.15
-"""``BRAKE`` and ``BEYOND`` for a part that is hooked: only its load holds it at the fingers, and the
-arm yields to that load."""
+"""``BRAKE`` and ``BEYOND`` for a part that is hooked: only its load holds it at the fingers, and
+the arm yields to that load."""
 HOOKED_M = 0.005
 """Distance by which fingers that pull are led deeper behind an edge, off which they slip [m]."""
 
