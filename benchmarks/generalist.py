@@ -234,6 +234,7 @@ def train(args: argparse.Namespace) -> int:
     records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
     file = args.out / weights_file(records[0].task).name
     earlier = read_json_object(args.weights.with_suffix(".json")) if args.weights else {}
+    args.envs = max(args.envs, len(records))
     begin = time.monotonic()
     trainer = Trainer(records, args.envs, args.rounds, args.seed, args.weights)
     print(f"{len(records)} scenes, {time.monotonic() - begin:.0f} s", flush=True)
@@ -289,7 +290,7 @@ def main(argv: Sequence[str]) -> int:
     two = commands.add_parser("train", help="train on the accepted scenes")
     two.add_argument("--scenes", type=Path, required=True, help="list of scenes")
     two.add_argument("--rounds", type=int, default=40, help="rounds of DAgger")
-    two.add_argument("--envs", type=int, default=128, help="environments")
+    two.add_argument("--envs", type=int, default=128, help="environments, at least one per scene")
     two.add_argument("--batches", type=int, default=400, help="minibatches per round")
     two.add_argument("--final-batches", type=int, default=6000, help="after the last round")
     two.add_argument("--seed", type=int, default=0)
