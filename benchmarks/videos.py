@@ -6,7 +6,7 @@
     python benchmarks/videos.py make videos
     python benchmarks/videos.py make videos --library data/assets/partnet
     python benchmarks/videos.py make recorded.json --half published --text
-    python benchmarks/videos.py confidence videos/made.jsonl
+    python benchmarks/videos.py confidence videos/made.jsonl videos/made_text.jsonl
 
 `render` writes videos of PartNet-Mobility objects (`--data`) or generated ones, whose doors,
 drawers and lids are operated: the camera of `photos.py`, hand-held, an arm in a third of them.
@@ -43,7 +43,7 @@ from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.library import ProceduralLibrary
 from articulate.library.procedural.truth import bounds
 from articulate.reconstruct.fitting.categories import USUAL
-from articulate.reconstruct.fitting.confidence import logit
+from articulate.reconstruct.fitting.confidence import MotionEvidence
 from articulate.reconstruct.link_meshes import HALF_TURN
 from articulate.reconstruct.make_object import make_object
 from articulate.reconstruct.proposal import ObjectProposal
@@ -386,19 +386,30 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def confidence(args: argparse.Namespace) -> None:
     """Fit ``articulate.reconstruct.fitting.confidence.MOTION`` to results and print it."""
     from sklearn.linear_model import LogisticRegression
-    from sklearn.model_selection import LeaveOneOut, cross_val_predict
+    from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
     lines = [line for path in args.source for line in path.read_text("utf-8").splitlines()]
     rows = [row for row in map(json.loads, lines) if "figures" in row]
-    x = np.array([[logit(row["figures"]["probability of the category"])] for row in rows])
+    x = np.array([_evidence(row["figures"]).terms() for row in rows])
     y = np.array([right(row) for row in rows])
-    model = LogisticRegression()
-    p = cross_val_predict(model, x, y, cv=LeaveOneOut(), method="predict_proba")[:, 1]
+    ids = [row["id"] for row in rows]
+    model = LogisticRegression(C=10.0)
+    folds = LeaveOneGroupOut()
+    p = cross_val_predict(model, x, y, groups=ids, cv=folds, method="predict_proba")[:, 1]
     model.fit(x, y)
-    print(f"MOTION = ({model.intercept_[0]:.3f}, {model.coef_[0, 0]:.3f})")
+    weights = [*model.intercept_, *model.coef_[0]]
+    print(f"MOTION = ({', '.join(f'{weight:.2f}' for weight in weights)})")
     for limit in np.arange(0.4, 0.95, 0.05):
         kept = p >= limit
         print(f"limit {limit:.2f}: {kept.sum()} of {len(y)} kept, {y[kept].sum()} right")
+
+
+def _evidence(figures: Mapping[str, float]) -> MotionEvidence:
+    return MotionEvidence(
+        category=figures["probability of the category"],
+        joint=figures["probability of the joint"],
+        error=figures["error of the motion"],
+    )
 
 
 def main() -> None:

@@ -15,12 +15,7 @@ from numpy.typing import NDArray
 
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.fitting.categories import USUAL, generate
-from articulate.reconstruct.fitting.confidence import (
-    MIN_JOINT,
-    MIN_MOTION,
-    Evidence,
-    MotionEvidence,
-)
+from articulate.reconstruct.fitting.confidence import MIN_MOTION, Evidence, MotionEvidence
 from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.fitting.operated_parts import (
     OperatedPart,
@@ -112,7 +107,7 @@ def propose_from_video(
         UsageError: No object is found.
     """
     masks = [object_mask(view.image, view.moving_px) for view in views]
-    probabilities = with_hints(_probabilities(views[0], masks[0], p_revolute, library), hints)
+    probabilities = with_hints(_probabilities(views, masks, p_revolute, library), hints)
     candidates = [
         candidate
         for category in _categories(probabilities)
@@ -127,6 +122,7 @@ def propose_from_video(
     known = MotionEvidence(
         category=float(scores[named].sum() / scores.sum()) * _share(probabilities, candidates),
         joint=float(scores[same].sum() / scores[named].sum()),
+        error=best.match.cost,
     )
     generated, front = best.operated.generated, best.front
     evidence: dict[str, Source] = {
@@ -152,16 +148,18 @@ def propose_from_video(
 
 
 def _probabilities(
-    view: VideoView, mask: NDArray[np.bool_], p_revolute: float, library: LibraryIndex | None
+    views: Sequence[VideoView],
+    masks: Sequence[NDArray[np.bool_]],
+    p_revolute: float,
+    library: LibraryIndex | None,
 ) -> dict[str, float]:
-    """Combine the appearance and the type of the motion.
-
-    The first frame is used: in it, most objects are closed, and less often covered by a person.
-    """
-    seen = category_probabilities(view.image, mask, library)
-    slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in seen}
+    """Combine the appearance in the views (mean of logarithms) and the type of the motion."""
+    pairs = zip(views, masks, strict=True)
+    seen = [category_probabilities(view.image, mask, library) for view, mask in pairs]
+    mean = {n: float(np.prod([p[n] for p in seen]) ** (1.0 / len(seen))) for n in seen[0]}
+    slides = {name: USUAL[name].slides if name in USUAL else 0.2 for name in mean}
     motion = {n: p_revolute * (1.0 - s) + (1.0 - p_revolute) * s for n, s in slides.items()}
-    return multiply(seen, motion)
+    return multiply(mean, motion)
 
 
 def _categories(probabilities: Mapping[str, float]) -> list[str]:
@@ -227,18 +225,17 @@ def _candidates(
 
 
 def _doubts(best: _Candidate, known: MotionEvidence) -> list[str]:
-    doubts = []
-    if known.confidence() < MIN_MOTION:
-        doubts.append(
-            f"the category {words(best.category)} has a probability of {known.category:.0%}; name "
-            "the object with --text"
-        )
-    if known.joint < MIN_JOINT:
-        doubts.append(
-            f"it is uncertain which part moves in the video, and how (probability {known.joint:.0%}"
-            "); record it from another side, with the camera at rest"
-        )
-    return doubts
+    if known.confidence() >= MIN_MOTION:
+        return []
+    reasons = {
+        "category": f"the category {words(best.category)} has a probability of "
+        f"{known.category:.0%}; name the object with --text",
+        "joint": "it is uncertain which part moves in the video, and how (probability "
+        f"{known.joint:.0%}); record it from another side, with the camera at rest",
+        "motion": "no joint of the object explains the motion in the video; record the entire "
+        "object, with the camera at rest",
+    }
+    return [reasons[known.weakest()]]
 
 
 def _motion_step(best: _Candidate, known: MotionEvidence, image: Pixels) -> TraceStep:
@@ -257,7 +254,7 @@ def _motion_step(best: _Candidate, known: MotionEvidence, image: Pixels) -> Trac
         text=f"Of all joints that the object can have, that of {joint.part} explains the point "
         "tracks best. The image has the part at its widest position.",
         figures={
-            "error of the motion": round(best.match.cost, 3),
+            "error of the motion": round(best.match.cost, 4),
             "widest position, as a share of the range": round(widest / joint.span, 2),
             "probability of the joint": round(known.joint, 4),
             "probability of the category": round(known.category, 4),

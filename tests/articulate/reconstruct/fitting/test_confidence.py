@@ -33,6 +33,15 @@ def test_the_weakest_evidence_is_named(known: Evidence, weakest: str) -> None:
     assert known.weakest() == weakest
 
 
-def test_a_video_is_certain_only_if_its_category_is() -> None:
-    sure, unsure = (MotionEvidence(category=p, joint=0.9).confidence() for p in (0.8, 0.5))
-    assert sure > MIN_MOTION > unsure
+@pytest.mark.parametrize(
+    ("known", "weakest"),
+    [
+        (MotionEvidence(category=0.3, joint=0.95, error=0.6), "category"),
+        (MotionEvidence(category=0.9, joint=0.05, error=0.6), "joint"),
+        (MotionEvidence(category=0.95, joint=0.9, error=1.0), "motion"),
+    ],
+)
+def test_doubtful_video_names_its_weakest_evidence(known: MotionEvidence, weakest: str) -> None:
+    sure = MotionEvidence(category=0.97, joint=0.97, error=0.6)
+    assert sure.confidence() > MIN_MOTION > known.confidence()
+    assert known.weakest() == weakest
