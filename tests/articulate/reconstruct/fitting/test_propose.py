@@ -144,6 +144,17 @@ def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
     assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
 
 
+def test_the_category_of_a_video_is_seen_in_both_views(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+) -> None:
+    seen = iter([{"Box": 0.6, "Laptop": 0.4}, {"Box": 0.1, "Laptop": 0.9}])
+    monkeypatch.setattr(propose_video, "category_probabilities", lambda *_: next(seen))
+    view = VideoView(image=photo.image, moving_px=(0.0, 640.0, 0.0, 480.0), flows=(), key=0)
+    mask = np.ones(photo.image.shape[:2], dtype=np.bool_)
+    found = propose_video._probabilities([view, view], [mask, mask], 1.0, None)
+    assert found["Laptop"] == pytest.approx(0.6 / (0.6 + np.sqrt(0.06)), abs=0.01)
+
+
 def moved_eye(T_wc: Array) -> Array:
     """Return the pose of a camera in units of the object's height."""
     out = T_wc.copy()
