@@ -64,14 +64,14 @@ from generalist_scenes import (
 )
 
 Singles = NDArray[np.float32]
-HIDDEN = (256, 256, 256)
+HIDDEN = (384, 384, 384)
 """Widths of the hidden layers."""
 SCALES = (0.9, 1.0, 1.1)
 """Sizes of the objects."""
 MIN_EXPERT = 0.8
 """Least success rate of the expert on a training scene."""
 STARTS = InitialStatesConfig(share_first=0.5, share_last=0.25, n_precomputed=48)
-BATCH_SIZE = 512
+BATCH_SIZE = 1024
 LEARNING_RATES = 1e-3, 1e-4
 """Learning rate at the beginning and at the end, exponential decay between."""
 CONTINUED_RATES = 5e-4, 1e-4
@@ -81,6 +81,20 @@ FINAL_RATES = 2e-4, 1e-5
 MIN_STD = 0.1
 """Floor of the standard deviation of observations, whose units make them about 1: what varies
 little in training may vary more on other objects."""
+JOINTS, VECTOR, TWIST = (-1, 1, -1, 1, -1, 1, -1), (1, -1, 1), (1, -1, 1, -1, 1, -1)
+"""Signs of joint angles, of vectors and of motions in the frame of the tool, mirrored."""
+MIRRORED_SIGNS = {
+    **dict.fromkeys(("joint_pos", "joint_vel", "joint_tracking_error"), JOINTS),
+    **dict.fromkeys(("handle_pos", "handle_pos_fine", "handle_pos_predicted"), VECTOR),
+    **dict.fromkeys(("handle_pos_predicted_fine", "measured_force", "path_direction"), VECTOR),
+    "tracking_error": TWIST,
+    "handle_axes": VECTOR * 2,
+    "pending_actions": (*TWIST, -1),
+    "last_action": (*TWIST, -1, 1),
+    "path_rotation": TWIST[3:],
+}
+"""Signs of fields of the observation in a scene that is mirrored at the vertical plane through the
+base of the arm; others stay the same."""
 EXPERT_ROUNDS = 5
 """Rounds over which the share of environments in which the expert acts falls from 1 to 0."""
 
@@ -97,6 +111,20 @@ class Data:
         both = (self.observations, self.actions)
         first, second = (torch.from_numpy(np.concatenate(rows)) for rows in both)
         return first, second
+
+
+def mirrored(
+    observations: torch.Tensor, actions: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return observations (M, size) and actions (M, 8) of the mirrored scene.
+
+    The arm and the gripper are symmetric, except that joint 7 is 45 degrees off its middle.
+    """
+    fields = OBSERVATION.fields
+    signs = [sign for f in fields for sign in MIRRORED_SIGNS.get(f.name, (1,) * f.size)]
+    out = observations * torch.tensor(signs, dtype=observations.dtype)
+    out[:, OBSERVATION.slice("joint_pos").stop - 1] += np.pi / 2.0
+    return out, actions * torch.tensor((*TWIST, -1, 1), dtype=actions.dtype)
 
 
 def stacked_scaling(scenes: Sequence[Scene]) -> ActionScalingConfig:
@@ -188,9 +216,10 @@ class Trainer:
         """Fit the network to all data after round ``k``; return the last mean loss."""
         network = self.network
         if k <= EXPERT_ROUNDS and not self._continued:
-            observations, _ = self.data.tensors()
-            network.mean.copy_(observations.mean(dim=0))
-            network.scale.copy_(torch.rsqrt(observations.var(dim=0) + MIN_STD**2))
+            observations, actions = self.data.tensors()
+            both = torch.cat([observations, mirrored(observations, actions)[0]])
+            network.mean.copy_(both.mean(dim=0))
+            network.scale.copy_(torch.rsqrt(both.var(dim=0) + MIN_STD**2))
         first, last = CONTINUED_RATES if self._continued else LEARNING_RATES
         begin, end = (first * (last / first) ** (r / self.rounds) for r in (k, k + 1))
         return self.descend(batches, begin, end)
@@ -207,8 +236,10 @@ class Trainer:
             for group in self.optimizer.param_groups:
                 group["lr"] = first * (last / first) ** (i / batches)
             pick = torch.from_numpy(self._rng.integers(len(observations), size=BATCH_SIZE))
-            x = torch.clamp((observations[pick] - network.mean) * network.scale, -10.0, 10.0)
-            loss: Any = functional.mse_loss(network.head(network.body(x)), actions[pick])
+            seen, wanted = observations[pick], actions[pick]
+            seen[::2], wanted[::2] = mirrored(seen[::2], wanted[::2])
+            x = torch.clamp((seen - network.mean) * network.scale, -10.0, 10.0)
+            loss: Any = functional.mse_loss(network.head(network.body(x)), wanted)
             self.optimizer.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)

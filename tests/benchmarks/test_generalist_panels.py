@@ -5,7 +5,10 @@ import pytest
 
 from generalist_panels import KINDS, panel_parts, write_panel
 
-WITHOUT_HANDLE = {"panel_edge_door", "panel_edge_drawer", "panel_thin_lid"}
+WITHOUT_HANDLE = {
+    "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
+    "panel_hook_drawer", "panel_hook_door", "panel_hook_lid",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
