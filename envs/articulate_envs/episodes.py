@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -195,6 +195,18 @@ class Episodes:
         if self._state is None:
             raise EngineError("step before the first reset: call reset() first")
         return self._state
+
+    def estimated_state(self, rng: np.random.Generator) -> State:
+        """Return the present state with pose of the handle and opening as a policy observes them.
+
+        Args:
+            rng: Generator of the noise.
+
+        Raises:
+            EngineError: There was no reset.
+        """
+        estimate = self._estimator.estimate(self._params, rng)
+        return replace(self.state, T_wh=estimate.T_wh, opened=estimate.opened)
 
     def reseed(self, seed: int | np.random.SeedSequence | np.random.Generator) -> None:
         """Set the seed of all random numbers from the next reset on, except precomputed states."""

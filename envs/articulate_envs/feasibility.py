@@ -1,8 +1,9 @@
 """Estimate of whether a task can be learned at all, before any time is spent on training.
 
-The scripted expert sees the true state, so what it cannot do in an episode is limited by the arm,
-the controller and the object rather than by training. A low success rate therefore points at the
-handle, the placement or the limits of the task. The estimate takes seconds.
+The scripted expert acts on the estimated state of the object, with the errors and delays of the
+randomization, as a policy does: an edge that must be held within a few millimetres is easy with the
+true state and hard for any policy. A low success rate points at the handle, the placement or the
+limits of the task. The estimate takes seconds.
 """
 
 from __future__ import annotations
@@ -51,12 +52,13 @@ def estimate_feasibility(
     n_threads: int | None = None,
     randomization: RandomizationConfig | None = None,
 ) -> Feasibility:
-    """Run the scripted expert with privileged state on sampled episodes of ``scene``.
+    """Run the scripted expert with estimated state on sampled episodes of ``scene``.
 
     Args:
         scene: Compiled scene; its task gives the length of an episode and the success criteria.
         n_episodes: Number of episodes, simulated as one batch.
-        seed: Seed of the episode parameters; the number of threads changes nothing.
+        seed: Seed of the episode parameters and of the noise; the number of threads changes
+            nothing.
         n_threads: Threads of the engine; by default all available processors.
         randomization: Ranges of the episode parameters. By default the ranges of training, at the
             sizes of the scene.
@@ -75,7 +77,7 @@ def estimate_feasibility(
         renew=False,
     )
     try:
-        codes = _run(episodes)
+        codes = _run(episodes, np.random.default_rng(seed))
     finally:
         episodes.engine.close()
     failures = codes[codes != 0]
@@ -86,10 +88,11 @@ def estimate_feasibility(
     )
 
 
-def _run(episodes: Episodes) -> Ints:
+def _run(episodes: Episodes, rng: np.random.Generator) -> Ints:
     """Return the code of each episode (N,) after the scripted expert has acted to its end.
 
-    An episode that diverges ends early; its first code counts.
+    Noise of the estimates comes from ``rng``. An episode that diverges ends early; its first code
+    counts.
     """
     scene = episodes.engine.scene
     codes = np.full(episodes.engine.n_envs, -1, dtype=np.int64)
@@ -97,7 +100,7 @@ def _run(episodes: Episodes) -> Ints:
     episodes.reset()
     params = episodes.params
     for _ in range(scene.n_steps):
-        step = episodes.step(expert.act(episodes.state, params))
+        step = episodes.step(expert.act(episodes.estimated_state(rng), params))
         if step.ended is not None:
             new = codes[step.ended.rows] < 0
             codes[step.ended.rows[new]] = step.ended.code[new]

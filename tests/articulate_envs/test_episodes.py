@@ -341,6 +341,21 @@ def test_without_renewal_an_episode_stays_as_it_ended(drawer):
     assert_array_equal(again[:, OBSERVATION.slice("time_left")], np.ones((2, 1)))
 
 
+def test_estimated_state_is_the_true_one_with_the_constant_error_of_the_episode(drawer):
+    biased = dataclasses.replace(NO_RANDOMIZATION, estimate_bias_m=0.01)
+    for config in (NO_RANDOMIZATION, biased):
+        runs = episodes(drawer, initial_states=None, randomization=config)
+        runs.reset()
+        runs.step(actions(1)[0])
+        estimated = runs.estimated_state(np.random.default_rng(0))
+        error = np.stack([runs.params[f"bias_{axis}_m"] for axis in "xyz"], axis=1)
+        assert np.any(error) == (config is biased)
+        assert_allclose(estimated.T_wh[:, :3, 3], runs.state.T_wh[:, :3, 3] + error, atol=1e-12)
+        assert_array_equal(estimated.T_wh[:, :3, :3], runs.state.T_wh[:, :3, :3])
+        assert_array_equal(estimated.opened, runs.state.opened)
+        assert_array_equal(estimated.q, runs.state.q)
+
+
 def test_a_new_seed_decides_what_comes(drawer):
     runs = Episodes(
         ThreadEngine(drawer, 2),

@@ -8,6 +8,7 @@ from tests.scenes import make_scene
 
 from articulate.errors import ConfigError
 from articulate.task.episode_monitor import REASONS
+from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate_envs.feasibility import Feasibility, estimate_feasibility
 
 
@@ -39,6 +40,14 @@ def test_drawer_without_enough_time_is_not_feasible(drawer):
         "n_episodes": 16,
         "dominant_failure": "goal_not_reached",
     }
+
+
+def test_handle_that_is_estimated_wrong_by_centimetres_is_not_feasible(cabinet):
+    config = replace(NO_RANDOMIZATION, estimate_bias_m=0.05)
+    exact = estimate_feasibility(cabinet, n_episodes=16, randomization=NO_RANDOMIZATION)
+    wrong = estimate_feasibility(cabinet, n_episodes=16, randomization=config)
+    assert exact.success == 1.0
+    assert wrong.success < 0.5
 
 
 def test_result_depends_on_the_seed_and_not_on_the_number_of_threads(drawer):
