@@ -18,6 +18,11 @@ Stack = Literal["", "row", "column"]
 """Parts of a group beside each other, or above each other."""
 
 
+def with_article(noun: str) -> str:
+    """Return a noun with its indefinite article: ``an oven``."""
+    return f"{'an' if noun[:1] in {*'aeiou'} else 'a'} {noun}"
+
+
 @dataclass(kw_only=True)
 class PartGroup:
     """Parts of one kind that the text names together."""

@@ -16,7 +16,13 @@ from articulate.library.procedural.front_layout import (
 from articulate.library.procedural.table_with_drawers import TableWithDrawers
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.text.appearance import is_handle, palette_entry, recoloured
-from articulate.reconstruct.text.description import Description, PartGroup, Position, Relation
+from articulate.reconstruct.text.description import (
+    Description,
+    PartGroup,
+    Position,
+    Relation,
+    with_article,
+)
 from articulate.reconstruct.text.household import overrides, sampled, size_of_dimensions
 from articulate.reconstruct.text.layout import FrontStyle, arrange, front_panels, grid_of
 from articulate.reconstruct.text.vocabulary import CLASSES, ObjectClass
@@ -93,7 +99,9 @@ def build_furniture(description: Description) -> Built:
         and not any(g.position or g.stack for g in description.groups)
     ):
         kinds = " and ".join(dict.fromkeys(g.kind for g in node.leaves()))
-        out.assumptions.append(f"arrangement of {kinds}: usual for a {description.noun}")
+        out.assumptions.append(
+            f"arrangement of {kinds}: usual for {with_article(description.noun)}"
+        )
     panels = front_panels(description, style)
     base = one.base
     base_m = {"plinth": 0.05, "legs": 0.12, "none": 0.0}[base]
@@ -129,8 +137,8 @@ def build_table(description: Description) -> Built:
             g.stack = g.stack or "row"
     if not groups and "drawer" in description.absent:
         raise ConfigError(
-            f"{quote(description.text)}: a {noun} without drawers has no moving part; "
-            f'try "a {noun} with one drawer"'
+            f"{quote(description.text)}: {with_article(noun)} without drawers has no moving part; "
+            f'try "{with_article(noun)} with one drawer"'
         )
     simple = (
         all(g.kind == "drawer" for g in groups)
@@ -267,7 +275,13 @@ def _fridge_front(
 ) -> Built:
     """Build a refrigerator with a divided front."""
     groups = [g for g in description.groups if g.kind in {"door", "drawer", "flap"}]
-    if not any(g.kind == "door" for g in groups):
+    if "door" in description.absent and not groups:
+        noun = with_article(description.noun)
+        raise ConfigError(
+            f"{quote(description.text)}: {noun} without a door has no moving part; "
+            "describe it with one"
+        )
+    if not any(g.kind == "door" for g in groups) and "door" not in description.absent:
         groups.insert(0, PartGroup(kind="door", count=2 if row else 1))
     for g in groups:
         if g.kind == "door" and g.count is None:
@@ -408,13 +422,13 @@ def _with_usual_parts(description: Description, one: ObjectClass, out: Built) ->
         if not other or groups:
             raise ConfigError(
                 f"{quote(description.text)}: no part moves; name a drawer, door or flap, for "
-                f'example "a {description.noun or "cabinet"} with two doors"'
+                f'example "{with_article(description.noun or "cabinet")} with two doors"'
             )
         usual = {sorted(other)[0]: 2}
     if groups:
         out.doubts.append("the text names no moving part; the usual ones are assumed")
     names = " and ".join(f"{n} {k}{'s' * (n > 1)}" for k, n in usual.items())
-    out.assumptions.append(f"{names}: usual for a {description.noun or 'cabinet'}")
+    out.assumptions.append(f"{names}: usual for {with_article(description.noun or 'cabinet')}")
     added = [PartGroup(kind=k, count=n, stack=description.stack) for k, n in usual.items()]
     return replace(description, groups=[*description.groups, *added])
 
@@ -440,7 +454,7 @@ def _check_kinds(
     """List parts that this builder does not make."""
     for g in description.groups:
         if g.kind not in KINDS | also:
-            out.doubts.append(f"not made: {g.kind} of a {noun}")
+            out.doubts.append(f"not made: {g.kind} of {with_article(noun)}")
 
 
 def _handle(description: Description) -> HandleKind:
@@ -465,8 +479,8 @@ def _sizes(
             if not low <= value <= high:
                 raise ConfigError(
                     f"{quote(description.text)}: a {dimension} of {value:g} m is not possible for "
-                    f"a {description.noun or 'cabinet'}; it must be in [{low:g}, {high:g}] m, the "
-                    f"nearest is {min(max(value, low), high):g} m"
+                    f"{with_article(description.noun or 'cabinet')}; it must be in "
+                    f"[{low:g}, {high:g}] m, the nearest is {min(max(value, low), high):g} m"
                 )
         else:
             factor = description.scale.get(dimension, description.scale.get("all", 1.0))
@@ -480,7 +494,7 @@ def _sizes(
     for k, dimension in enumerate(DIMENSIONS):
         if dimension not in sizes:
             noun = description.noun or "cabinet"
-            out.assumptions.append(f"{dimension} {values[k]:g} m: usual for a {noun}")
+            out.assumptions.append(f"{dimension} {values[k]:g} m: usual for {with_article(noun)}")
     return values[0], values[1], values[2]
 
 

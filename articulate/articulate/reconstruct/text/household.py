@@ -20,7 +20,7 @@ from articulate.reconstruct.text.appearance import (
     rehinged,
     without,
 )
-from articulate.reconstruct.text.description import Description
+from articulate.reconstruct.text.description import Description, with_article
 
 Values = dict[str, Any]
 D = TypeVar("D", bound=Dimensions)
@@ -250,7 +250,8 @@ def overrides(description: Description, name: str) -> tuple[Values, list[str]]:
     if sizes:
         names = ", ".join(sizes)
         raise ConfigError(
-            f"{quote(description.text)}: the {names} of a {description.noun} cannot be set; omit it"
+            f"{quote(description.text)}: the {names} of {with_article(description.noun)} cannot be "
+            "set; omit it"
         )
     _scaled(description, dimensions, values, assumed)
     for key in values:
@@ -297,8 +298,9 @@ def sampled(kind: type[D], values: Values, description: Description) -> D:
             unit = " m" if one.name.endswith("_m") else ""
             best = min(max(value, low), high)
             raise ConfigError(
-                f"{quote(description.text)}: {what} {value:g}{unit} is not possible for a {noun}; "
-                f"it must be in [{low:g}, {high:g}]{unit}, the nearest is {best:g}{unit}"
+                f"{quote(description.text)}: {what} {value:g}{unit} is not possible for "
+                f"{with_article(noun)}; it must be in [{low:g}, {high:g}]{unit}, "
+                f"the nearest is {best:g}{unit}"
             )
     return dataclasses.replace(usual, **values)
 
@@ -358,8 +360,8 @@ def _variants(description: Description, wanted: dict[str, int | None], values: V
     if side and name in HINGE_FIELD:
         if side in {"top", "bottom"}:
             raise ConfigError(
-                f"{quote(description.text)}: a {description.noun} is hinged left or right, not "
-                f"at the {side}"
+                f"{quote(description.text)}: {with_article(description.noun)} is hinged left or "
+                f"right, not at the {side}"
             )
         values["hinges"] = side
 
@@ -411,10 +413,12 @@ def build_household(description: Description) -> Household:
     if side and name in HINGED_BY_EDGE:
         out.parts = rehinged(out.parts, "door", side)
     elif side and name not in HINGE_FIELD:
-        out.doubts.append(f"the hinge of a {description.noun} cannot be set to the {side}")
+        out.doubts.append(
+            f"the hinge of {with_article(description.noun)} cannot be set to the {side}"
+        )
     _part_materials(description, out)
     if name != "switch" and any(option.startswith("times_") for option in description.options):
-        out.doubts.append(f"a {description.noun} is made once, not several times")
+        out.doubts.append(f"{with_article(description.noun)} is made once, not several times")
     return out
 
 
@@ -461,6 +465,16 @@ def _report_sizes(
             )
 
 
+def _report_parts(
+    wanted: dict[str, int | None], have: Counter[str], out: Household, noun: str
+) -> None:
+    """List the moving parts that the text does not name, beside those that it does."""
+    added = [(kind, n) for kind, n in have.items() if kind not in wanted]
+    if len(have) > 1 and added:
+        names = " and ".join(f"{n} {kind}{'s' * (n > 1)}" for kind, n in added)
+        out.assumptions.append(f"{names}: usual for {with_article(noun)}")
+
+
 def _apply_counts(description: Description, wanted: dict[str, int | None], out: Household) -> None:
     """Fix or leave out parts that the text excludes; reject other differences."""
     name, noun = out.name, description.noun
@@ -469,6 +483,7 @@ def _apply_counts(description: Description, wanted: dict[str, int | None], out: 
         if part.motion is not None:
             links.setdefault(kind_of(name, part.name), []).append(part.name)
     have = Counter({kind: len(found) for kind, found in links.items()})
+    _report_parts(wanted, have, out, noun)
     for kind, count in wanted.items():
         if count == 0:
             found = links.get(kind, [])
@@ -476,17 +491,17 @@ def _apply_counts(description: Description, wanted: dict[str, int | None], out: 
                 out.parts = without(out.parts, found)
             elif found and len(found) == sum(have.values()):
                 raise ConfigError(
-                    f"{quote(description.text)}: a {noun} without a {kind} has no moving part; "
-                    f"describe it with one"
+                    f"{quote(description.text)}: {with_article(noun)} without {with_article(kind)} "
+                    f"has no moving part; describe it with one"
                 )
             else:
                 out.parts = fixed(out.parts, found)
             continue
         if kind not in have:
-            out.doubts.append(f"not made: {kind} of a {noun}")
+            out.doubts.append(f"not made: {kind} of {with_article(noun)}")
         elif count is not None and count != have[kind]:
             raise ConfigError(
-                f"{quote(description.text)}: a {noun} has {have[kind]} {kind}"
+                f"{quote(description.text)}: {with_article(noun)} has {have[kind]} {kind}"
                 f"{'s' * (have[kind] != 1)}, {count} are not possible; give {have[kind]}"
             )
 

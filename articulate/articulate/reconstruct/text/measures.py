@@ -27,6 +27,9 @@ UNITS_M = {
     "foot": 0.3048,
     "feet": 0.3048,
     "'": 0.3048,
+    "km": 1000.0,
+    "kilometre": 1000.0,
+    "kilometer": 1000.0,
     "yd": 0.9144,
     "yard": 0.9144,
 }
@@ -41,8 +44,8 @@ SMALL = {word: n for n, word in enumerate((*UNITS, *TEENS))}
 SMALL |= {word: 10 * n for n, word in enumerate(TENS, start=2)}
 NUMBER = r"\d+(?:\.\d+)?"
 UNIT = (
-    r"(?:millimet(?:er|re)s?|centimet(?:er|re)s?|decimet(?:er|re)s?|met(?:er|re)s?|inch(?:es)?|"
-    r"mm|cm|dm|m|ft|foot|feet|yards?|yd|\"|'|in(?=\s*(?:wide|deep|high|tall|long|x\b|by\b|across|"
+    r"(?:millimet(?:er|re)s?|kilomet(?:er|re)s?|centimet(?:er|re)s?|decimet(?:er|re)s?|met(?:er|re)s?|inch(?:es)?|"
+    r"mm|cm|dm|km|m|ft|foot|feet|yards?|yd|\"|'|in(?=\s*(?:wide|deep|high|tall|long|x\b|by\b|across|"
     r"broad|thick|in\b|[.,;)]|$)))(?![a-z])\.?"
 )
 QUANTITY = rf"({NUMBER})\s*({UNIT})?"
@@ -155,6 +158,7 @@ def find_measures(text: str) -> Measured:
         r"\1thickness ",
         text,
     )
+    text = re.sub(rf"\b({NUMBER})\s*({UNIT})\s+cube\b", r"\1 x \1 x \1 \2", text)
     found: list[tuple[Measure, ...]] = []
 
     def keep(measures: list[Measure]) -> str:

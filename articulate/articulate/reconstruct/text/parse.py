@@ -16,6 +16,7 @@ from articulate.reconstruct.text.description import (
     PartGroup,
     Position,
     Side,
+    with_article,
 )
 from articulate.reconstruct.text.idioms import Noun, replace_idioms, replace_nouns
 from articulate.reconstruct.text.measures import Measured, find_measures, with_digits
@@ -303,7 +304,7 @@ class _Parser(ArrangementReader):
         if noun.plural and (number or 2) > 1 and not switches:
             raise ConfigError(
                 f"{quote(self.out.text)}: describes several objects; describe one, for "
-                f'example "a {noun.text}"'
+                f'example "{with_article(noun.text)}"'
             )
         for count in (number, pending.multiple):
             if count is not None and count > 1:
@@ -370,11 +371,13 @@ class _Parser(ArrangementReader):
         pending, out = self.pending, self.out
         usual = FIXED_COUNTS.get((out.category, kind))
         if pending.absent:
-            out.doubts.append(f"{words} cannot be left out of a {out.noun}")
+            out.doubts.append(f"{words} cannot be left out of {with_article(out.noun)}")
         elif out.category == "door" and kind == "panel" and pending.number is not None:
             out.options.add(f"panels_{pending.number}")
         elif usual is not None and pending.number not in {None, usual}:
-            out.doubts.append(f"a {out.noun} is made with {usual} {words}, not {pending.number}")
+            out.doubts.append(
+                f"{with_article(out.noun)} is made with {usual} {words}, not {pending.number}"
+            )
         else:
             out.ignored.append(words)
         self.pending = Pending()

@@ -14,7 +14,7 @@ from articulate.errors import ConfigError, UsageError, quote
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.proposal import ObjectProposal, Source
-from articulate.reconstruct.text.description import Description
+from articulate.reconstruct.text.description import Description, with_article
 from articulate.reconstruct.text.furniture import (
     Built,
     build_double_oven,
@@ -139,8 +139,8 @@ def _check_language(text: str) -> None:
     )
     if other:
         raise ConfigError(
-            f"{quote(text)}: no English text; other languages need a model: describe the object "
-            "in English, or use --actor vlm with --parts or --library"
+            f"{quote(text)}: not an English text; other languages need a model: describe the "
+            "object in English, or use --actor vlm with --parts or --library"
         )
 
 
@@ -175,7 +175,7 @@ def _check_object(description: Description) -> None:
             if form in NEAREST:
                 raise ConfigError(
                     f"{quote(description.text)}: the library has no {form}; the nearest object "
-                    f"is {_with_article(NEAREST[form])}"
+                    f"is {with_article(NEAREST[form])}"
                 )
     nouns = [re.sub(r"\(\?:([^|)]*)[^)]*\)\??|.\?", r"\1", n) for c in CLASSES for n in c.nouns]
     if unknown:
@@ -189,10 +189,6 @@ def _check_object(description: Description) -> None:
     raise ConfigError(
         f"{quote(description.text)}: names no object; name one, for example {EXAMPLES}"
     )
-
-
-def _with_article(noun: str) -> str:
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 def _trace(description: Description, built: Built | Household) -> tuple[TraceStep, ...]:

@@ -36,6 +36,8 @@ def normalise(text: str) -> str:
     )
     text = text.replace("“", '"').replace("”", '"').replace("″", '"').replace("''", '"')
     text = text.replace("&", " and ")
+    text = re.sub(r"\bw/o\b", "without", text)
+    text = re.sub(r"\bw/\s*(?![dh]\b)", "with ", text)
     text = re.sub(r"n't\b", " not", text)
     text = re.sub(r"'(?:s|re|ve|ll|d|m)\b", " ", text)
     text = re.sub(r"(?<=[a-z])[-–—](?=[a-z\d])|(?<=\d)[-–—](?=[a-z])", " ", text)

@@ -329,6 +329,7 @@ MATERIALS: dict[str, str] = {
     "mdf": "birch",
     "chipboard": "birch",
     "stainless steel": "steel",
+    "stainless": "steel",
     "steel": "steel",
     "metal": "steel",
     "metallic": "steel",

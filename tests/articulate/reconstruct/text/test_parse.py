@@ -31,6 +31,7 @@ def sizes(text):
         ("radius of 15 cm", {"diameter": 0.3}),
         ("a 24 inch dishwasher", {"any": 0.6096}),
         ("a 3 by 3 grid", {}),
+        ("a 40 cm cube", {"first": 0.4, "second": 0.4, "third": 0.4}),
         ("one tall door and 3 deep drawers", {}),
     ],
 )
@@ -193,6 +194,34 @@ def test_words_that_are_not_understood_make_the_object_doubtful():
     assert not propose("please make a modern cabinet with two drawers").doubts
 
 
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        (
+            "tall wardrobe w/ three doors w/o handles",
+            "tall wardrobe with three doors without handles",
+        ),
+        ("a box, 0.3 m cube", "a box 0.3 x 0.3 x 0.3 m"),
+        ("a stainless dishwasher", "a stainless steel dishwasher"),
+    ],
+)
+def test_short_forms_are_understood(text, same):
+    ours, other = propose(text), propose(same)
+    assert not ours.doubts
+    assert ours.parts == other.parts
+
+
+def test_drawers_of_a_refrigerator_without_doors_are_its_only_parts():
+    parts = propose("a refrigerator with three drawers and no doors").parts
+    assert [p.name for p in parts] == ["body", "drawer_0", "drawer_1", "drawer_2"]
+
+
+def test_moving_parts_that_the_text_does_not_name_are_assumptions():
+    assumptions = propose("an oven with a drop-down door and four knobs").assumptions
+    assert "1 drawer: usual for an oven" in assumptions
+    assert not any("drawer" in one for one in propose("an oven with a drawer").assumptions)
+
+
 def test_joints_have_their_evidence():
     proposal = propose("a washing machine with a drawer")
     assert proposal.evidence == {"door": "category", "drawer": "text", "dial": "category"}
@@ -210,6 +239,9 @@ def test_joints_have_their_evidence():
         "a cabinet 60 cm wide and 80 cm wide",
         "a wardrobe 20 cm wide with four doors",
         "a kettle with two lids",
+        "a refrigerator with no doors",
+        "a microwave with two doors",
+        "a cabinet 5 km wide",
         "a box without a lid",
         "a washing machine hinged at the bottom",
         "a table and a chair",
