@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from articulate.errors import ConfigError
-from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, grid
+from articulate.library.procedural.front_layout import (
+    FrontLayout,
+    FrontPanel,
+    grid,
+    least_front_m,
+)
 from articulate.library.procedural.solids import Box
 from articulate.library.procedural.urdf import Part
 
@@ -100,6 +105,28 @@ def test_a_flap_is_light_enough_to_be_lifted_at_its_edge(size_m: float) -> None:
     mass_kg = solid.density_kg_m3 * np.prod(solid.size)
     assert 0.5 * mass_kg * 9.81 < 15.0  # at the edge, half of the 30 N of the checks
     assert solid.density_kg_m3 <= 400.0
+
+
+@pytest.mark.parametrize("kind", ["panel", "open"])
+@pytest.mark.parametrize("share", [0.01, 0.0225, 0.03, 0.2])
+def test_solids_of_narrow_strips_have_a_size(kind: str, share: float) -> None:
+    strip = FrontPanel(kind=kind, left=0, right=1, bottom=1 - share, top=1)  # type: ignore[arg-type]
+    door = FrontPanel(kind="door", left=0, right=1, bottom=0, top=1 - share, hinge="left")
+    for part in layout(strip, door).parts():
+        for own in part.shapes:
+            assert all(np.ptp(solid.mesh()[0], axis=0).min() > 0 for solid in own.solids)
+            assert all(min(solid.size) > 0 for solid in own.solids if isinstance(solid, Box))
+
+
+@pytest.mark.parametrize("board_m", [0.018, 0.03, 0.05])
+def test_the_smallest_drawer_has_a_tray(board_m: float) -> None:
+    height_m = least_front_m(board_m) + 0.018
+    panel = FrontPanel(kind="drawer", left=0, right=1, bottom=0, top=1)
+    (_, part) = layout(panel, height_m=height_m, base="none", board_m=board_m).parts()
+    sizes = [solid.size for own in part.shapes for solid in own.solids if isinstance(solid, Box)]
+    assert min(min(size) for size in sizes) > 0.005
+    with pytest.raises(ConfigError, match="too small|no room"):
+        layout(panel, height_m=height_m - 0.001, base="none", board_m=board_m)
 
 
 def test_overlapping_and_tiny_panels_are_rejected() -> None:

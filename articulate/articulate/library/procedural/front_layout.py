@@ -50,7 +50,16 @@ OUTER_OPEN_RAD, INNER_OPEN_RAD = 1.75, 1.57
 FRONT_KG_M3, MAX_FLAP_KG = 400.0, 3.0
 """Density of hinged fronts, and largest mass of a flap [kg], which 30 N at its free edge must lift:
 springs, which are not modelled, balance heavier ones."""
+WALL_SHARE = 0.6
+"""Thickness of a wall of a cell over that of the boards."""
+INSIDE_M = 0.03
+"""Smallest width and height of the space behind a moving front [m]."""
 TOLERANCE = 1e-6
+
+
+def least_front_m(board_m: float) -> float:
+    """Return the smallest width and height of a moving front of an object with such boards [m]."""
+    return max(MIN_FRONT_M, 2.0 * WALL_SHARE * board_m + INSIDE_M)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,13 +135,14 @@ class FrontLayout:
             raise ConfigError(
                 f"{self.name}: a height of {self.height_m:g} m leaves no room for fronts"
             )
+        least = least_front_m(self.board_m)
         for panel in self.panels:
             y, z = self.extent(panel)
             small = min(y[1] - y[0], z[1] - z[0])
-            if panel.kind in MOVING and small < MIN_FRONT_M:
+            if panel.kind in MOVING and small < least - TOLERANCE:
                 raise ConfigError(
                     f"{self.name}: a {panel.kind} of {y[1] - y[0]:.3f} x {z[1] - z[0]:.3f} m is "
-                    f"too small; at least {MIN_FRONT_M} m each way is needed: make the object "
+                    f"too small; at least {least:g} m each way is needed: make the object "
                     "larger or give it fewer parts"
                 )
         for k, one in enumerate(self.panels):
@@ -168,7 +178,9 @@ class FrontLayout:
             if panel.kind == "gap":
                 body |= self._sides(panel, y, z, k)
                 continue
-            body |= cavity((self._body_x, y, z), self._wall_m, name=f"cell_{k}_")
+            cell = (self._body_x, y, z)
+            hollow = min(y[1] - y[0], z[1] - z[0]) > 2.0 * self._wall_m + TOLERANCE
+            body |= cavity(cell, self._wall_m, name=f"cell_{k}_") if hollow else {f"cell_{k}": cell}
             if panel.kind == "panel":
                 fixed[f"panel_{k}"] = (self._front_x, y, z)
             if panel.kind in MOVING:
@@ -187,7 +199,7 @@ class FrontLayout:
     @property
     def _wall_m(self) -> float:
         """Thickness of the walls of a cell; two of them are between two cells [m]."""
-        return 0.6 * self.board_m
+        return WALL_SHARE * self.board_m
 
     @property
     def _front_x(self) -> Span:

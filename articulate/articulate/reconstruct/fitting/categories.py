@@ -16,6 +16,7 @@ from articulate.library.procedural.front_layout import (
     MOVING,
     FrontLayout,
     FrontPanel,
+    least_front_m,
 )
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.fitting.box_fit import SizePrior
@@ -82,6 +83,8 @@ LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Di
 STRUCTURES = ("hinges", "cap", "freezer", "handles", "kind")
 """Dimensions of a category that change its joints."""
 WORKTOP_M = 0.018
+BOARD_M, FRIDGE_BOARD_M, OVEN_BOARD_M = 0.018, 0.05, 0.03
+"""Thickness of walls and fronts of furniture, refrigerators, and ovens and dishwashers [m]."""
 """Thickness of the worktop of furniture [m]."""
 CONTROLS = (0.84, 0.95)
 """Lowest and highest edge of a control panel above a door, as a share of the front."""
@@ -173,15 +176,17 @@ def scaled(
     return dataclasses.replace(dimensions.sample(0), **changes), clipped
 
 
-def _storage(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+def _storage(
+    front: ObjectFront, sizes: Mapping[str, float], board_m: float = BOARD_M
+) -> FrontLayout:
     """Return furniture with the parts of the front; it has one door where none is found."""
     most = sizes["height_m"] - WORKTOP_M - 1.05 * MIN_FRONT_M
     base = round(max(0.0, min(front.base_share * sizes["height_m"], most)), 3)
     width = round(max(0.15, sizes["width_m"]), 3)
     front_m = sizes["height_m"] - base - WORKTOP_M
     low, high = base / sizes["height_m"], 1.0 - WORKTOP_M / sizes["height_m"]
-    panels = panels_of(front.parts, low, high)
-    panels = tuple(fixed_if_small(panel, width, front_m) for panel in panels)
+    panels, least = panels_of(front.parts, low, high), least_front_m(board_m)
+    panels = tuple(fixed_if_small(panel, width, front_m, least) for panel in panels)
     if not any(panel.kind in MOVING for panel in panels):
         panels = (FrontPanel(kind="door", left=0.0, right=1.0, bottom=0.0, top=1.0, hinge="right"),)
     return FrontLayout(
@@ -206,7 +211,7 @@ def _table(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
 
 def _fridge(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
     """Return a refrigerator: its parts are doors, wide low ones at the bottom drawers."""
-    layout = _storage(front, sizes)
+    layout = _storage(front, sizes, FRIDGE_BOARD_M)
     return dataclasses.replace(
         layout,
         name="fridge",
@@ -214,7 +219,7 @@ def _fridge(front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
         base="plinth",
         base_m=0.04,
         worktop_m=0.0,
-        board_m=0.05,
+        board_m=FRIDGE_BOARD_M,
         handle_m=0.4,
     )
 
@@ -247,7 +252,7 @@ def _front_loader(
 ) -> FrontLayout:
     """Return an appliance whose door falls open, below a band of controls."""
     top = float(np.clip(max((part.top for part in front.parts), default=0.87), *CONTROLS))
-    least = 1.05 * MIN_FRONT_M / (sizes["height_m"] - PLINTH_M - COOKTOP_M)
+    least = 1.05 * least_front_m(OVEN_BOARD_M) / (sizes["height_m"] - PLINTH_M - COOKTOP_M)
     below = [part.top for part in front.parts if least < part.top < LOW_DRAWER]
     low = max(below) if below and category == "Oven" else 0.0
     panels = [
@@ -266,7 +271,7 @@ def _front_loader(
         base="plinth",
         base_m=PLINTH_M,
         worktop_m=COOKTOP_M,
-        board_m=0.03,
+        board_m=OVEN_BOARD_M,
         handle_m=0.45,
         name=name,
         category=category,

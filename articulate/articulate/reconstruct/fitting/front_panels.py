@@ -89,16 +89,19 @@ def with_fixed(
     return (*panels, *added)
 
 
-def fixed_if_small(panel: FrontPanel, width_m: float, height_m: float) -> FrontPanel:
+def fixed_if_small(
+    panel: FrontPanel, width_m: float, height_m: float, least_m: float = MIN_FRONT_M
+) -> FrontPanel:
     """Return a panel, without its joint if it is too small for one.
 
     Args:
         panel: Panel of a front.
         width_m: Width of the front [m].
         height_m: Height of the front [m].
+        least_m: Smallest width and height of a moving front [m].
     """
     sides = ((panel.right - panel.left) * width_m, (panel.top - panel.bottom) * height_m)
-    if panel.kind in MOVING and min(sides) < 1.05 * MIN_FRONT_M:
+    if panel.kind in MOVING and min(sides) < 1.05 * least_m:
         return replace(panel, kind="panel", hinge="")
     return panel
 
