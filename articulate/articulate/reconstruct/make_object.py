@@ -28,6 +28,7 @@ from articulate.preparation.store import check_out, export
 from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
 from articulate.reconstruct.images import frames_row, only_joint, opening_row, view_camera
 from articulate.reconstruct.link_meshes import HALF_TURN
+from articulate.reconstruct.part_set import category_words
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import (
@@ -195,7 +196,7 @@ def _write_trace(content: _Pages, result: MakeResult, work: Path) -> None:
             label="verdict",
             tone="good" if result.verdict == "passed" else "bad",
         ),
-        Tile(value=proposal.category, label="category"),
+        Tile(value=category_words(proposal.category), label="category"),
         Tile(value=len(result.joints), label="moving joints"),
         Tile(value=round(proposal.confidence, 2), label="confidence"),
         Tile(value=result.check_report.verdict, label="verdict of check-asset"),

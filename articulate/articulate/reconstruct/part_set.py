@@ -219,7 +219,7 @@ def _partnet(folder: Path) -> PartSet:
     return replace(
         part_set,
         name=f"object_{object_id}",
-        kind=_kind(library.category(object_id)),
+        kind=category_words(library.category(object_id)),
         category=library.category(object_id),
         source=f"{library.source} {object_id}",
         licence=library.licence,
@@ -283,7 +283,7 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     return replace(
         part_set,
         source=path.name,
-        kind=_kind(category),
+        kind=category_words(category),
         category=category,
         normalised=is_normalised(path),
     )
@@ -337,6 +337,6 @@ def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
             )
 
 
-def _kind(category: str) -> str:
+def category_words(category: str) -> str:
     """Split the name of a category: ``WashingMachine`` becomes ``washing machine``."""
     return "" if category == "unknown" else re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower()

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from tests.articulate.asset_page.browser import Browser
 
 from articulate.page import Bars, Chart, ChartLine, Page, Points, Tile
 
@@ -159,6 +160,15 @@ def test_columns_of_numbers_are_set_to_the_right():
 def test_file_of_another_kind_is_refused(add):
     with pytest.raises(ValueError, match="not the expected kind"):
         add(Page("t"), b"GIF89a", "x")
+
+
+@pytest.mark.render
+def test_long_key_figures_fit_on_a_phone(tmp_path):
+    tiles = [Tile(value="StorageFurnitureWithDoors", label="category"), Tile(value=2, label="n")]
+    path = Page("t").tiles(*tiles).save(tmp_path / "page.html")
+    with Browser(width=390, height=844, phone=True) as browser:
+        browser.open(path)
+        assert browser.run("document.documentElement.scrollWidth") == 390
 
 
 def test_page_is_saved_whole_and_the_same_each_time(tmp_path):
