@@ -130,7 +130,7 @@ def scale_of(urdf: Path, config: ConvertConfig, longest: float) -> tuple[float, 
         size = LONGEST_SIDE_M.get(category, OTHER_M)
         return size / longest, f"normalised source; longest side of a {category} is {size:g} m"
     typical = LONGEST_SIDE_M.get(category)
-    unit = _likely_unit(longest, typical)
+    unit = likely_unit(longest, typical)
     if unit is not None:
         size = UNITS_M[unit] * longest
         what = "an object of unknown category" if typical is None else f"a {category}"
@@ -148,7 +148,7 @@ def scale_of(urdf: Path, config: ConvertConfig, longest: float) -> tuple[float, 
     return 1.0, f"metric as it is (longest side {longest:.3g} m)"
 
 
-def _likely_unit(longest: float, typical: float | None) -> str | None:
+def likely_unit(longest: float, typical: float | None) -> str | None:
     """Return the unit of a file that is not metric, None if it is or if several are likely.
 
     Args:

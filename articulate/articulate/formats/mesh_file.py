@@ -78,9 +78,9 @@ def read_mesh(path: Path, repairs: Repairs) -> list[Group]:
         ) from None
     except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
         # The text of the error may quote the file, which a link may have outside the object.
-        text = "" if path.is_symlink() else f": {shorten(error)}"
+        text = "" if path.is_symlink() else shorten(error)
         raise AssetError(
-            f"mesh {path.name}: cannot be read ({type(error).__name__}{text})"
+            f"mesh {path.name}: cannot be read ({text or type(error).__name__})"
         ) from None
 
 

@@ -12,7 +12,14 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from articulate.conversion.metric_size import LEAST_M, LONGEST_SIDE_M, MOST_M, OTHER_M
+from articulate.conversion.metric_size import (
+    LEAST_M,
+    LONGEST_SIDE_M,
+    MOST_M,
+    OTHER_M,
+    UNITS_M,
+    likely_unit,
+)
 from articulate.errors import AssetError, shorten
 from articulate.formats.load_meshes import GREY
 from articulate.formats.mesh_file import FORMATS, MAX_BYTES, READ_BYTES
@@ -298,6 +305,12 @@ def scale_of(mesh: ScanMesh, category: str, height_m: float | None) -> tuple[flo
         )
     if LEAST_M * 10.0 <= longest <= MOST_M / 2.0:
         return 1.0, f"the file is in metres: its longest side is {longest:.2f} m; --size changes it"
+    unit = likely_unit(longest, typical)
+    if unit is not None:
+        size_m = UNITS_M[unit] * longest
+        return UNITS_M[unit], (
+            f"the file is in {unit}: its longest side is {size_m:.2f} m; --size changes it"
+        )
     return OTHER_M / longest, (
         f"the unit of the file is unknown ({longest:.3g} long): its longest side is set to "
         f"{OTHER_M:g} m; --size changes it"

@@ -90,13 +90,23 @@ def test_bad_meshes_give_one_line(tmp_path, error_line, provoke, name):
 
 def test_sizes_without_a_unit_are_assumed(tmp_path):
     mesh, _ = merged(*double_doors())
-    path = write(mesh.transformed(np.eye(3), 1000.0, np.zeros(3)), tmp_path / "cabinet.glb")
+    path = write(mesh.transformed(np.eye(3), 15.0, np.zeros(3)), tmp_path / "cabinet.glb")
     scan = read_scan(path, ScanHints())
     assert scan.mesh.size.max() == pytest.approx(0.5)
     assert any("unit of the file is unknown" in text for text in scan.assumptions)
     known = read_scan(path, ScanHints(text="a kitchen cabinet"))
     assert (known.category, known.mesh.size.max()) == ("StorageFurniture", pytest.approx(0.8))
     assert read_scan(path, ScanHints(height_m=1.2)).mesh.size[2] == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("mm", 1000.0), ("cm", 100.0)])
+def test_units_are_detected_by_size(tmp_path, unit, scale):
+    mesh, _ = merged(*double_doors())
+    longest_m = mesh.size.max()
+    path = write(mesh.transformed(np.eye(3), scale, np.zeros(3)), tmp_path / "cabinet.glb")
+    scan = read_scan(path, ScanHints())
+    assert scan.mesh.size.max() == pytest.approx(longest_m)
+    assert any(text.startswith(f"the file is in {unit}:") for text in scan.assumptions)
 
 
 def test_large_meshes_are_simplified(tmp_path, monkeypatch):
