@@ -87,7 +87,12 @@ def _from_video(
             )
         )
     return propose_from_video(
-        views, seen.p_revolute, hints=hints, height_m=height_m, library=library
+        views,
+        seen.p_revolute,
+        openings=seen.openings,
+        hints=hints,
+        height_m=height_m,
+        library=library,
     )
 
 

@@ -26,6 +26,7 @@ from articulate.video.candidate_parts import (
 from articulate.video.joint_classifier import joint_classifier
 from articulate.video.motion_features import features, opening_features, points_at
 from articulate.video.motion_groups import travel
+from articulate.video.opening_direction import opening_logs
 from articulate.video.read_video import check_motion
 from articulate.video.surface_tracks import follow_surface
 
@@ -83,6 +84,8 @@ class Observation:
     camera."""
     moving_parts: int
     """Number of parts that seem to be operated."""
+    openings: tuple[float, ...]
+    """Logarithm of the likelihood of each opening of ``opening_direction``."""
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -182,6 +185,7 @@ def observe_tracks(motion: Motion, source: str, groupings: int = GROUPINGS) -> O
         p_revolute=p_revolute,
         moving_parts=moving_parts,
         side=side,
+        openings=opening_logs(candidates, role, odds),
         figures=figures,
     )
 
@@ -237,6 +241,7 @@ def _observation(
     p_revolute: float,
     moving_parts: int,
     side: Side,
+    openings: Array,
     figures: Mapping[str, float],
 ) -> Observation:
     fit = part.hinge if kind == "revolute" else part.slide
@@ -260,6 +265,7 @@ def _observation(
         opening=_opening(part, kind),
         travel=float(np.ptp(positions)),
         moving_parts=moving_parts,
+        openings=tuple(float(value) for value in openings),
     )
 
 

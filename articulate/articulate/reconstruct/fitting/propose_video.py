@@ -38,6 +38,7 @@ from articulate.render.image import png
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
 from articulate.transforms import Array
+from articulate.video.opening_direction import OPENINGS, opening_index
 
 MOST_CATEGORIES = 5
 """Categories that are fitted."""
@@ -48,6 +49,8 @@ COST_SCALE, CATEGORY_COST_SCALE = 0.025, 0.06
 of e."""
 SHARE_WEIGHT = 0.5
 """Weight of the probability of a part among those of its category."""
+OPENING_WEIGHT = 0.5
+"""Weight of the direction in which the part opens, as seen from the tracks without the object."""
 OPEN_SCALE = 0.5
 """Share of the range at which a joint is open in its frame, with the same effect."""
 
@@ -78,6 +81,8 @@ class _Candidate:
     match: MotionMatch
     score: float
     """Logarithm of the probability among those of its category, up to a constant."""
+    opening: float
+    """The part of it that the direction of opening contributes."""
 
     @property
     def answer(self) -> tuple[str, str, tuple[float, ...]]:
@@ -90,6 +95,7 @@ def propose_from_video(
     views: Sequence[VideoView],
     p_revolute: float,
     *,
+    openings: Sequence[float] = (0.0,) * OPENINGS,
     hints: Mapping[str, float] | None = None,
     height_m: float | None = None,
     library: LibraryIndex | None = None,
@@ -99,6 +105,7 @@ def propose_from_video(
     Args:
         views: First and last frame.
         p_revolute: Probability that the operated part rotates.
+        openings: Logarithm of the likelihood of each opening (``OPENINGS``,).
         hints: Weights of categories from a text.
         height_m: Height of the object [m], if known.
         library: Renders of objects of known categories.
@@ -112,7 +119,9 @@ def propose_from_video(
         candidate
         for category in _categories(probabilities)
         for k, view in enumerate(views)
-        for candidate in _candidates(k, view, masks[k], category, p_revolute, height_m)
+        for candidate in _candidates(
+            k, view, masks[k], category, p_revolute=p_revolute, openings=openings, height_m=height_m
+        )
     ]
     logs = _with_categories(candidates, probabilities)
     best = candidates[int(np.argmax(logs))]
@@ -181,8 +190,8 @@ def _with_categories(candidates: Sequence[_Candidate], probabilities: Mapping[st
     for name in sorted(set(names)):
         same = np.flatnonzero(names == name)
         best = same[int(np.argmax(out[same]))]
-        cost = candidates[best].match.cost
-        level = np.log(max(probabilities[name], 1e-9)) - cost / CATEGORY_COST_SCALE
+        level = np.log(max(probabilities[name], 1e-9)) + candidates[best].opening
+        level -= candidates[best].match.cost / CATEGORY_COST_SCALE
         out[same] += level - out[best]
     return out
 
@@ -192,7 +201,9 @@ def _candidates(
     view: VideoView,
     mask: NDArray[np.bool_],
     category: str,
+    *,
     p_revolute: float,
+    openings: Sequence[float],
     height_m: float | None,
 ) -> list[_Candidate]:
     """Return the joints of one category in one view, compared with the tracks."""
@@ -203,12 +214,14 @@ def _candidates(
         meshes, joint = fitted_joint(operated, front.fit)
         match = match_motion(meshes, joint, front.fit.camera, view.flows)
         slides = joint.kind == "prismatic"
+        opening = OPENING_WEIGHT * openings[opening_index(joint.kind, joint.axis)]
         opened = abs(float(match.positions[view.key]) - joint.fitted) / joint.span
         score = (
             SHARE_WEIGHT * np.log(max(operated.share, 1e-9))
             + np.log(max(1.0 - p_revolute if slides else p_revolute, 1e-3))
             - match.cost / COST_SCALE
             - opened / OPEN_SCALE
+            + opening
         )
         out.append(
             _Candidate(
@@ -219,6 +232,7 @@ def _candidates(
                 joint=joint,
                 match=match,
                 score=float(score),
+                opening=opening,
             )
         )
     return out

@@ -26,6 +26,7 @@ from articulate.reconstruct.fitting.operated_parts import OperatedPart, fitted_j
 from articulate.reconstruct.fitting.part_motion import WORK_PX, Flow, JointMotion
 from articulate.reconstruct.fitting.propose import propose
 from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
+from articulate.reconstruct.link_meshes import HALF_TURN
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
@@ -34,6 +35,7 @@ from articulate.render.parts import PartMesh
 from articulate.render.rendered_photo import RenderedPhoto, render_photo
 from articulate.render.scene import PartScene
 from articulate.transforms import Array, apply
+from articulate.video.opening_direction import OPENINGS, opening_index
 
 WIDTH_M, DEPTH_M, HEIGHT_M = 1.0, 0.5, 0.8
 DRAWERS = tuple(
@@ -142,6 +144,23 @@ def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
     moved = next(part for part in found.parts if part.name == "moved_door")
     assert moved.motion is not None
     assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
+def test_the_direction_of_opening_decides_where_the_tracks_do_not(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, turn: tuple[float, float, float]
+) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    openings = np.full(OPENINGS, -30.0)
+    openings[opening_index("revolute", np.array(turn))] = 0.0
+    still = Flow(here=np.full((1, 2), 50.0), there=np.full((1, 2), 50.0))
+    region = (0.0, 640.0, 0.0, 480.0)
+    view = VideoView(image=photo.image, moving_px=region, flows=(still,), key=0)
+    found = propose_from_video([view], 1.0, openings=openings.tolist())
+    (name,) = [name for name, source in found.evidence.items() if source == "video"]
+    motion = next(part for part in found.parts if part.name == name).motion
+    assert motion is not None
+    assert motion.axis == pytest.approx(HALF_TURN @ np.array(turn))
 
 
 def test_the_category_of_a_video_is_seen_in_both_views(
