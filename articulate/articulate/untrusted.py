@@ -55,7 +55,7 @@ def open_regular(path: Path, *, limit_bytes: int, error: type[UsageError] = Usag
     state = os.fstat(descriptor)
     reason = ""
     if not stat.S_ISREG(state.st_mode):
-        reason = "a folder" if stat.S_ISDIR(state.st_mode) else "not a regular file"
+        reason = "is a folder; give a file" if stat.S_ISDIR(state.st_mode) else "not a regular file"
     elif state.st_size > limit_bytes:
         reason = f"larger than {limit_bytes} bytes, the most that is accepted"
     if reason:

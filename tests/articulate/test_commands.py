@@ -121,6 +121,7 @@ def test_keys_in_dashes_or_underscores_are_the_same():
         "R --asset a --set",
         "R --aset a",
         "R --asset a --xyz",
+        "R --asset a --nonsense",
         "R --asset a --set ppo.learning_rate=fast",
         "R --asset a --task open_door",
         "R --asset a --seeds 1 b",

@@ -47,7 +47,7 @@ def test_a_fifo_a_folder_a_device_and_an_absent_file_are_rejected(tmp_path: Path
     for name, reason in [
         ("fifo", "not a regular file"),
         ("zero", "not a regular file"),
-        ("", "a folder"),
+        ("", "is a folder; give a file"),
         ("absent", "No such file"),
         ("x" * 300, "File name too long"),
         ("zero\0byte", "not a file name"),

@@ -31,7 +31,7 @@ MAX_WORD = 300
 Main = Callable[[Sequence[str]], int]
 
 SUMMARIES = {
-    "make": "find the joints of an object from its parts and a video, image or text",
+    "make": "make an object from a text, image, video or scan",
     "check": "convert an object and check that it is ready for simulation",
     "train": "train a policy on an object",
     "evaluate": "evaluate the policies of a run",

@@ -27,8 +27,8 @@ class CalibrateFlags:
     Example: articulate calibrate camera --images board/ --camera webcam --out webcam.json
     """
 
-    what: Annotated[Literal["camera", "base"], POSITIONAL]
-    """Calibration: camera or base."""
+    target: Annotated[Literal["camera", "base"], POSITIONAL]
+    """Name of the calibration, camera or base."""
     camera: str = "camera"
     """Name of the camera, recorded in its calibration."""
     images: tuple[Path, ...] = ()
@@ -63,9 +63,9 @@ class CalibrateFlags:
     """Print only the result, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
-        if self.what == "camera" and not self.images and self.device is None:
+        if self.target == "camera" and not self.images and self.device is None:
             raise ConfigError("calibrate camera: give --images or --device")
-        if self.what == "base":
+        if self.target == "base":
             for name in ("poses", "calibration", "marker_mm"):
                 if getattr(self, name) is None:
                     flag = "--" + name.replace("_", "-")
@@ -78,7 +78,7 @@ FLAGS = CalibrateFlags
 def main(argv: Sequence[str]) -> int:
     """Calibrate, write the file and print the errors."""
     flags = parse(CalibrateFlags, argv, prog="articulate calibrate")
-    return _camera(flags) if flags.what == "camera" else _base(flags)
+    return _camera(flags) if flags.target == "camera" else _base(flags)
 
 
 def _camera(flags: CalibrateFlags) -> int:

@@ -36,13 +36,13 @@ LONGEST = 100
 
 @dataclass(frozen=True, kw_only=True)
 class CheckFlags:
-    """Convert a URDF or MJCF object into a simulation-ready folder, and check it.
+    """Convert a URDF, MJCF or SDF object into a simulation-ready folder, and check it.
 
     Example: check-asset cabinet.urdf --out checked/cabinet
     """
 
     asset: Annotated[Path | None, POSITIONAL] = None
-    """URDF or MJCF file, a folder that holds one, an asset folder, or a folder of such."""
+    """URDF, MJCF or SDF file, a folder that holds one, an asset folder, or a folder of such."""
     out: Path | None = None
     """Output folder; of several objects each has a subfolder. By default checked/<asset>. An
     earlier result there is replaced; other files are not."""
@@ -136,7 +136,7 @@ def main(argv: Sequence[str]) -> int:
             path_exists(path)  # before any work, where it could not even be looked up
     if flags.compare_with is not None and not path_exists(flags.compare_with):
         raise ConfigError(
-            f"--compare-with {flags.compare_with}: does not exist; give a URDF or MJCF file"
+            f"--compare-with {flags.compare_with}: does not exist; give a URDF, MJCF or SDF file"
         )
     out = flags.out or Path("checked") / _name(flags.asset)
     items, single = items_in(flags.asset, out)

@@ -184,11 +184,19 @@ def _unknown_flag(
     if key in by_key:
         return ConfigError(f"{shorten(name)}: unknown flag; did you mean --set {key}=VALUE?")
     nested = {f"--{k.replace('_', '-')}": k for k, f in by_key.items() if f.is_nested}
-    close = nearest(name, [*named, *nested])
+    plain = {f.removeprefix("--"): f for f in (*named, *nested) if _can_be_meant(name, f)}
+    close = nearest(name.removeprefix("--"), plain)
+    for word, f in plain.items():
+        close = close.replace(f"did you mean {word}?", f"did you mean {f}?")
     for dotted, k in nested.items():
         close = close.replace(f"did you mean {dotted}?", f"did you mean --set {k}=VALUE?")
     more = close if "did you mean" in close else f"; see {prog} --help"
     return ConfigError(f"{shorten(name)}: unknown flag{more}")
+
+
+def _can_be_meant(name: str, known: str) -> bool:
+    """Return whether an unknown flag may stand for a known one; negations are not suggested."""
+    return known.startswith("--no-") == name.startswith("--no-")
 
 
 def _is_flag(word: str) -> bool:

@@ -116,7 +116,7 @@ class MakeFlags:
             raise ConfigError("--masks needs --scan; give the mesh that it belongs to")
         elif self.video is None and self.image is None and self.text is None:
             raise ConfigError(
-                "missing: --video, --image or --text; give one that describes the motion"
+                "missing: --text, --image, --video or --scan; give one that describes the object"
             )
         if self.video is not None and self.image is not None:
             raise ConfigError("--video and --image are given; give one of them")

@@ -93,6 +93,8 @@ def image_query(path: Path, text: str = "") -> Query:
         UsageError: It cannot be read, or shows no object.
     """
     if not _is_file(path):
+        if path.is_dir():
+            raise UsageError(f"{path}: is a folder; give an image, e.g. a .png")
         raise UsageError(f"{path}: no such file; give an image, e.g. a .png")
     if path.stat().st_size == 0:
         raise UsageError(f"{path}: is empty; give an image of the object")

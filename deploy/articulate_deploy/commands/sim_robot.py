@@ -55,7 +55,7 @@ FLAGS = SimRobotFlags
 
 def main(argv: Sequence[str]) -> int:
     """Serve until Ctrl-C, then print a report."""
-    flags = parse(SimRobotFlags, argv, prog="sim-robot")
+    flags = parse(SimRobotFlags, argv, prog="articulate sim-robot")
     from articulate_deploy.arms.scheduling import real_time  # late: numpy
     from articulate_deploy.wire.server import Server, ServerOptions
     from articulate_deploy.wire.simulated_arm import make_physics

@@ -219,6 +219,8 @@ def test_an_object_is_generated_from_text(tmp_path, capsys):
         ["--text", "a box", "--parts", "parts", "--camera-file", "no.json"],
         ["--text", "a box", "--parts", "parts", "--out", "parts"],
         ["--text", "a box", "--parts", "parts", "--prts", "parts"],
+        ["--text", "a box", "--nonsense"],
+        ["--image", "parts"],
     ],
     ids=" ".join,
 )

@@ -27,6 +27,12 @@ def test_bad_flags_are_one_line(error_line, flags):
     error_line(f"sim-robot {' '.join(flags)}", lambda: sim_robot.main(flags))
 
 
+def test_help_names_the_command(capsys):
+    with pytest.raises(SystemExit):
+        sim_robot.main(["--help"])
+    assert capsys.readouterr().out.startswith("usage: articulate sim-robot [flags]")
+
+
 @pytest.mark.slow
 def test_a_client_meets_the_arm_until_it_is_interrupted():
     command = [sys.executable, "-m", "articulate", "sim-robot", "--lockstep", "--json"]
