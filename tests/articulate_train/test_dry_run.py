@@ -41,6 +41,7 @@ def test_a_dry_run_reports_scene_reach_time_and_disk(config, tmp_path):
     assert "succeeds in 75% of 64 episodes" in found.text()
     assert found.disk_bytes > 20e6
     assert "joint drawer_2_slide" in found.text()
+    assert "overlaps the object by 0.0 mm" in replace(found, overlap_m=-1e-6).text()
 
 
 @pytest.mark.render

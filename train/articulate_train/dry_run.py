@@ -90,7 +90,7 @@ class DryRun:
             f"{self.task} of {self.asset}, joint {self.joint}",
             f"  goal     {self.target}",
             f"  reach    {self.reachable_share:.0%} of the randomized poses and sizes; the open "
-            f"gripper overlaps the object by {1000 * self.overlap_m:.1f} mm",
+            f"gripper overlaps the object by {max(0.0, 1000 * self.overlap_m):.1f} mm",
             f"  expert   {describe_feasibility(self.feasibility)}",
             f"  engine   {self.engine}",
             f"  time     about {self.minutes:.0f} min for {seeds} of {self.steps / 1e6:g}M steps "
