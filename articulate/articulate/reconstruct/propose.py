@@ -15,6 +15,7 @@ from articulate.reconstruct.fitting.propose_video import VideoView, propose_from
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.recognition.library_index import LibraryIndex
+from articulate.reconstruct.text.description import SeenSize
 from articulate.reconstruct.text.propose import propose as propose_from_text
 from articulate.render.joint_video import Video
 from articulate.video.observe import observe_tracks, track_motion
@@ -55,7 +56,17 @@ def propose_object(
         found = propose_from_image(query.image, hints=hints, height_m=height_m, library=library)
     if text is None:
         return found
-    return _with_text(found, text)
+    seen = _seen_size(found, height_m)
+    return _with_text(found, text if seen is None else propose_from_text(query.text, seen))
+
+
+def _seen_size(found: ObjectProposal, height_m: float | None) -> SeenSize | None:
+    """Return the proportions of the body of a proposal; None without one."""
+    solids = [solid for own in found.parts[0].shapes for solid in own.solids]
+    if not solids:
+        return None
+    depth, width, height = np.ptp(np.concatenate([s.mesh()[0] for s in solids]), axis=0)
+    return SeenSize(width=width / height, depth=depth / height, height_m=height_m)
 
 
 def _from_video(

@@ -59,6 +59,22 @@ class Relation:
     second: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class SeenSize:
+    """Size of the object in an image or video, for what its text does not give."""
+
+    width: float
+    """Width over height."""
+    depth: float
+    """Depth over height."""
+    height_m: float | None = None
+    """Height that the user gives [m]."""
+
+    def size_m(self, dimension: str, height_m: float) -> float:
+        """Return the width, depth or height of an object of a height [m]."""
+        return height_m * {"width": self.width, "depth": self.depth, "height": 1.0}[dimension]
+
+
 @dataclass(kw_only=True)
 class Description:
     """Content of a text."""
@@ -76,6 +92,8 @@ class Description:
     """Kind after ``only``."""
     sizes_m: dict[str, float] = field(default_factory=dict)
     """Length by dimension [m]."""
+    seen: SeenSize | None = None
+    """Size in the image or video that belongs to the text."""
     material: str = ""
     """Word for the material or colour of the object."""
     handles: Handles = ""

@@ -472,6 +472,9 @@ def _sizes(
         any_="height" if tall else "width",
     )
     values = []
+    if description.seen is not None and description.seen.height_m is not None:
+        sizes.setdefault("height", description.seen.height_m)
+    usual = _usual_sizes(description, one, sizes.get("height"))
     for k, dimension in enumerate(DIMENSIONS):
         low, high = RANGES_M[kind][k]
         if dimension in sizes:
@@ -484,7 +487,7 @@ def _sizes(
                 )
         else:
             factor = description.scale.get(dimension, description.scale.get("all", 1.0))
-            value = min(max(one.size_m[k] * factor, low), high)
+            value = min(max(usual[k] * factor, low), high)
         values.append(round(value, 4))
     rows, columns = _grid_extent(description, values)
     if "width" not in sizes and kind != "table":
@@ -494,8 +497,26 @@ def _sizes(
     for k, dimension in enumerate(DIMENSIONS):
         if dimension not in sizes:
             noun = description.noun or "cabinet"
-            out.assumptions.append(f"{dimension} {values[k]:g} m: usual for {with_article(noun)}")
+            seen = description.seen is not None and dimension != "height"
+            origin = "proportions of the input" if seen else f"usual for {with_article(noun)}"
+            out.assumptions.append(f"{dimension} {values[k]:g} m: {origin}")
     return values[0], values[1], values[2]
+
+
+def _usual_sizes(
+    description: Description, one: ObjectClass, height_m: float | None
+) -> tuple[float, ...]:
+    """Return the usual width, depth and height, with the proportions of an image if there is one.
+
+    Args:
+        description: Content of the text.
+        one: Class of the object.
+        height_m: Height, if the text or the user gives it [m].
+    """
+    if description.seen is None:
+        return one.size_m
+    height = height_m or one.size_m[2]
+    return tuple(description.seen.size_m(dimension, height) for dimension in DIMENSIONS)
 
 
 def _grid_extent(description: Description, values: list[float]) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+import numpy as np
+
 from articulate.errors import ConfigError, quote
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.dimensions import Dimensions
@@ -254,10 +256,29 @@ def overrides(description: Description, name: str) -> tuple[Values, list[str]]:
             "set; omit it"
         )
     _scaled(description, dimensions, values, assumed)
+    if SIZES.get(name, _plain) is _plain and name not in ROUND:
+        _seen(description, usual, values, assumed)
     for key in values:
         if isinstance(values[key], float):
             values[key] = round(values[key], 5)
     return values, assumed
+
+
+def _seen(description: Description, usual: Dimensions, values: Values, assumed: list[str]) -> None:
+    """Set the sizes that only an image or video gives, within the accepted range."""
+    seen = description.seen
+    fields = {one.name: one.metadata for one in dataclasses.fields(usual)}
+    if seen is None or "height_m" not in fields:
+        return
+    if seen.height_m is not None:
+        values.setdefault("height_m", seen.height_m)
+    height_m = values.get("height_m", getattr(usual, "height_m"))  # noqa: B009
+    for dimension in ("width", "depth"):
+        name = f"{dimension}_m"
+        if name in fields and name not in values:
+            low, high = fields[name].get("accepted", (-np.inf, np.inf))
+            values[name] = float(np.clip(seen.size_m(dimension, height_m), low, high))
+            assumed.append(f"{dimension} {values[name]:.3g} m: proportions of the input")
 
 
 def _scaled(

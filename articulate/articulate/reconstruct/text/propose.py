@@ -14,7 +14,7 @@ from articulate.errors import ConfigError, UsageError, quote
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.proposal import ObjectProposal, Source
-from articulate.reconstruct.text.description import Description, with_article
+from articulate.reconstruct.text.description import Description, SeenSize, with_article
 from articulate.reconstruct.text.furniture import (
     Built,
     build_double_oven,
@@ -52,8 +52,12 @@ CONFIDENT, ASSUMED, DOUBTFUL = 0.97, 0.9, 0.5
 """Confidence with the structure in the text, with usual parts, and with doubts."""
 
 
-def propose(text: str) -> ObjectProposal:
+def propose(text: str, seen: SeenSize | None = None) -> ObjectProposal:
     """Return the object that an English text describes.
+
+    Args:
+        text: English text.
+        seen: Size in an image or video, which replaces usual sizes.
 
     Raises:
         ConfigError: No object is named, the library has no such object, counts contradict each
@@ -61,6 +65,7 @@ def propose(text: str) -> ObjectProposal:
     """
     _check_language(text)
     description = parse(text)
+    description.seen = seen
     _check_object(description)
     built: Built | Household
     if description.category == "furniture":

@@ -28,6 +28,7 @@ from articulate.reconstruct.fitting.propose import propose
 from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
 from articulate.reconstruct.link_meshes import HALF_TURN
 from articulate.reconstruct.make_object import part_meshes
+from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
 from articulate.render.camera import Camera
@@ -229,6 +230,29 @@ def test_a_described_structure_replaces_that_of_the_image(
     found = propose_object(query)
     assert [part.motion.kind for part in found.parts if part.motion] == ["revolute"]
     assert any(step.title == "Box and camera" for step in found.trace)
+
+
+@pytest.mark.parametrize(
+    ("category", "text"),
+    [("StorageFurniture", "a nightstand with a door"), ("Table", "a desk with two drawers")],
+)
+def test_a_described_structure_has_the_size_and_the_proportions_of_the_image(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str, text: str
+) -> None:
+    named(monkeypatch, photo, category)
+    query = Query(modality="image", description="the image", image=photo.image)
+    plain = body_size(propose_object(query, height_m=0.7))
+    described = propose_object(replace(query, text=text), height_m=0.7)
+    assert body_size(described)[1:] == pytest.approx(plain[1:], abs=0.04)  # width and height
+    assert any("proportions of the input" in one for one in described.assumptions)
+    given = body_size(propose_object(replace(query, text=f"{text}, 0.9 m wide"), height_m=0.7))
+    assert given[1:] == pytest.approx([0.9, 0.7], abs=0.04)
+
+
+def body_size(proposal: ObjectProposal) -> Array:
+    """Return depth, width and height of the body [m]."""
+    solids = [solid for own in proposal.parts[0].shapes for solid in own.solids]
+    return np.ptp(np.concatenate([solid.mesh()[0] for solid in solids]), axis=0)
 
 
 @needs_weights
