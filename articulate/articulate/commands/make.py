@@ -155,6 +155,10 @@ class MakeFlags:
             raise ConfigError("--studio is interactive; omit it, or --json and --dry-run")
         if self.size is not None and not 0.02 <= self.size <= 10.0:
             raise ConfigError(f"--size is {self.size:g} m; it must be 0.02 to 10")
+        seen = self.image is not None or self.video is not None
+        if self.size is not None and self.scan is None and not (self.generates and seen):
+            how = 'write it in the text, e.g. "0.9 m high"' if self.generates else "omit it"
+            raise ConfigError(f"--size is for --scan, --image and --video without parts; {how}")
         if self.iterations is not None and self.iterations < 1:
             raise ConfigError(f"--iterations is {self.iterations}; it must be 1 or more")
         if self.seed < 0:

@@ -176,6 +176,11 @@ def library_part_set(name: str) -> PartSet:
     found = re.fullmatch(r"([^:]+):(\d{1,9})", name)
     if found:
         object_id = f"{found[1]}-{int(found[2]):04d}"
+    elif ":" in name:
+        raise UsageError(
+            f"--library {shorten(name)}: the seed after the category is no number; "
+            "give one, e.g. cabinet:3"
+        )
     else:
         object_id = name if re.search(r"-\d+$", name) else f"{name}-0000"
     library.parse(object_id)

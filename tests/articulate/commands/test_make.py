@@ -221,6 +221,9 @@ def test_an_object_is_generated_from_text(tmp_path, capsys):
         ["--text", "a box", "--parts", "parts", "--prts", "parts"],
         ["--text", "a box", "--nonsense"],
         ["--image", "parts"],
+        ["--text", "a cabinet", "--size", "0.9"],
+        ["--text", "a box", "--parts", "parts", "--size", "0.9"],
+        ["--text", "a box", "--library", "cabinet:x"],
     ],
     ids=" ".join,
 )
