@@ -109,7 +109,7 @@ def checks_page() -> str:
     """Return the page of asset checks."""
     parts = [
         HEAD + "# Checks\n",
-        "```bash\ncheck-asset --explain coverage\n```\n",
+        "```bash\ncheck-asset --explain collision_coverage\n```\n",
     ]
     for name, description in CHECKS.items():
         parts.append(f"## {name}\n")

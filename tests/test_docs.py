@@ -16,6 +16,7 @@ from mkdocs.config import load_config
 import figures
 import reference
 from articulate.assets.asset import Asset, Handle, Joint, Link
+from articulate.checks.descriptions import CHECKS
 from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.cache import CacheFlags
 from articulate.commands.calibrate import CalibrateFlags
@@ -195,7 +196,8 @@ def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
             resumes = (
                 TrainFlags(asset="kept") if {"--resume", "--list-joints"} & set(rest) else None
             )
-            parse(FLAGS[command], rest, default=resumes, prog=command)
+            flags = parse(FLAGS[command], rest, default=resumes, prog=command)
+            assert getattr(flags, "explain", None) in {None, *CHECKS}
         elif command.startswith("python"):
             source = (ROOT / rest[0]).read_text(encoding="utf-8")
             assert all(f'"{flag}"' in source for flag in rest if flag.startswith("--"))

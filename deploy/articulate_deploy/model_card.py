@@ -94,7 +94,7 @@ def text(bundle: Bundle) -> str:
 
 
 def _numbers(values: list[float]) -> str:
-    return " ".join(f"{value:.3g}" for value in np.asarray(values))
+    return " ".join(f"{value:.3g}" for value in np.round(values, 9) + 0.0)
 
 
 def model_card(bundle: Bundle) -> str:

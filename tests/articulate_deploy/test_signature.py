@@ -5,7 +5,7 @@ import pytest
 from articulate.commands import run_command
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.commands.deploy import main
-from articulate_deploy.model_card import describe, model_card
+from articulate_deploy.model_card import _numbers, describe, model_card
 from articulate_deploy.signature import make_key, sign_bundle, signature_path, verify_bundle
 
 pytest.importorskip("cryptography")
@@ -26,6 +26,10 @@ def test_a_signed_bundle_is_verified_with_its_key_only(folder, tmp_path, error_l
     error_line("verify_bundle(changed)", lambda: verify_bundle(folder, public))
     (tmp_path / "no.key").write_text("no key")
     error_line("sign_bundle(no key)", lambda: sign_bundle(folder, tmp_path / "no.key"))
+
+
+def test_numbers_that_are_zero_but_for_rounding_are_written_as_zero():
+    assert _numbers([-7.69e-20, -1.01, 4.6e-20, 0.0123456]) == "0 -1.01 0 0.0123"
 
 
 def test_inspect_describes_a_bundle_and_writes_its_card(exported, tmp_path, capsys):
