@@ -20,7 +20,7 @@ from articulate.conversion.handles import handles_of
 from articulate.conversion.joints import Travel, box_volume_of, travel_of
 from articulate.conversion.metric_size import category_of, is_normalised, scale_of
 from articulate.conversion.mimic import apply_mimics, resolve_mimics
-from articulate.conversion.provenance import ORIGIN_FILE, origin_of
+from articulate.conversion.provenance import ORIGIN_FILES, origin_of
 from articulate.conversion.up_axis import Z_FROM_Y_UP, parts_opening_upwards
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
@@ -157,7 +157,7 @@ def input_key(reading: Reading, config: ConvertConfig) -> str:
     digest.update(json.dumps(options, sort_keys=True, default=str).encode())
     path = reading.source.path
     digest.update(json.dumps([path.name, path.parent.resolve().name]).encode() + b"\0")
-    extra = [path.parent / n for n in ("meta.json", "semantics.txt", ORIGIN_FILE)]
+    extra = [path.parent / n for n in ("meta.json", "semantics.txt", *ORIGIN_FILES)]
     files = [("urdf", path), *sorted(reading.files.items())]
     files += [(p.name, p) for p in extra if p.is_file()]
     digest.update(str(is_normalised(path)).encode())

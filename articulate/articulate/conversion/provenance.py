@@ -10,6 +10,8 @@ from articulate.formats.config import ConvertConfig
 
 ORIGIN_FILE = "source.json"
 """File beside a URDF with the keys ``source`` and ``licence``."""
+ORIGIN_FILES = (ORIGIN_FILE, "asset.json")
+"""Files beside a URDF from which source and licence are read; the second is that of an asset."""
 PARTNET_LICENCE = (
     "PartNet-Mobility (SAPIEN) terms: research and education only, non-commercial, "
     "no redistribution"
@@ -18,11 +20,11 @@ PARTNET_LICENCE = (
 
 
 def origin_of(urdf: Path, config: ConvertConfig) -> tuple[str, str]:
-    """Return source and licence: configured, in ``source.json``, of the data set, or unknown."""
+    """Return source and licence: configured, in a file beside it, of the data set, or unknown."""
     source, licence = urdf.name, "unknown"
     if is_normalised(urdf):
         source, licence = f"PartNet-Mobility {urdf.parent.resolve().name}", PARTNET_LICENCE
-    content = read_json_object(urdf.parent / ORIGIN_FILE)
+    content = next((c for n in ORIGIN_FILES if (c := read_json_object(urdf.parent / n))), {})
     texts = {key: value for key, value in content.items() if isinstance(value, str) and value}
     source, licence = texts.get("source", source), texts.get("licence", licence)
     return source, licence if config.licence == "unknown" else config.licence

@@ -26,7 +26,7 @@ from articulate.conversion.convert import (
     read_input,
     write_asset,
 )
-from articulate.conversion.provenance import ORIGIN_FILE
+from articulate.conversion.provenance import ORIGIN_FILES
 from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable
 from articulate.formats.config import ConvertConfig
@@ -320,5 +320,5 @@ def _inputs(reading: Reading) -> list[Path]:
     found = set(reading.files.values())
     found |= {other for path in found for other in named_files(path)}
     folder = reading.source.path.parent
-    found |= {folder / name for name in ("meta.json", "semantics.txt", ORIGIN_FILE)}
+    found |= {folder / name for name in ("meta.json", "semantics.txt", *ORIGIN_FILES)}
     return [path for path in found if path.is_file()]

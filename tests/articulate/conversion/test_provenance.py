@@ -45,6 +45,15 @@ def test_an_object_of_the_data_set_is_named_by_its_folder_from_within(
     assert source == f"PartNet-Mobility {tmp_path.name}"
 
 
+def test_the_urdf_of_an_asset_carries_source_and_licence_of_the_asset(tmp_path: Path) -> None:
+    content = {"source": "articulate make", "licence": "MIT", "joints": []}
+    (tmp_path / "asset.json").write_text(json.dumps(content), encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path, "object.urdf"), ConvertConfig()) == (
+        "articulate make",
+        "MIT",
+    )
+
+
 def test_without_information_it_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:
     (tmp_path / "source.json").write_text("{", encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")
