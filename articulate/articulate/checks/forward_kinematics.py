@@ -177,6 +177,9 @@ def yourdfpy_reader(path: Path) -> PoseReader:
         # It multiplies positions with the axis of the file; the standard requires a unit vector.
         joint.axis = normalised(joint.axis)
     _follow_the_first(robot.robot.joints)
+    _release_without_leader(robot.robot.joints)
+    with _quiet_log("yourdfpy"):  # again, with the changed mimic joints
+        robot = yourdfpy.URDF(robot.robot, load_meshes=False, load_collision_meshes=False)
     moving = set(robot.actuated_joint_names)
     restrained_model = {j.name: float(j.limit.lower) for j in robot.robot.joints if _is_held(j)}
     links = [link.name for link in robot.robot.links if link.name not in unknown]
@@ -200,6 +203,15 @@ def _follow_the_first(joints: Sequence[Any]) -> None:
             mimic.offset += mimic.multiplier * further.offset
             mimic.multiplier *= further.multiplier
             mimic.joint = further.joint
+
+
+def _release_without_leader(joints: Sequence[Any]) -> None:
+    """Make mimic joints independent whose leader does not move, as conversion does."""
+    turning = {"revolute", "continuous", "prismatic"}
+    leaders = {joint.name for joint in joints if joint.type in turning and not _is_held(joint)}
+    for joint in joints:
+        if joint.mimic is not None and joint.mimic.joint not in leaders:
+            joint.mimic = None
 
 
 def _is_held(joint: Any) -> bool:

@@ -250,6 +250,12 @@ AS_READ = {
     "followers of followers": slide("a", "base", "one")
     + slide("b", "base", "two", mimic("c", -0.5, 0.02))
     + slide("c", "two", "three", mimic("a", 3.0, 0.1)),
+    "a follower of an absent joint": slide("a", "base", "one", mimic("nobody", 1.0, 0.0))
+    + slide("b", "one", "two")
+    + slide("c", "two", "three"),
+    "a follower of a fixed joint": slide("a", "base", "one", "", "fixed")
+    + slide("b", "one", "two", mimic("a", 2.0, 0.0))
+    + slide("c", "two", "three"),
     "a joint held off 0": slide("a", "base", "one", '<limit lower="0.5" upper="0.5"/>', "revolute")
     + slide("b", "one", "two")
     + slide("c", "two", "three"),

@@ -245,8 +245,8 @@ def test_a_described_structure_has_the_size_and_the_proportions_of_the_image(
     described = propose_object(replace(query, text=text), height_m=0.7)
     assert body_size(described)[1:] == pytest.approx(plain[1:], abs=0.04)  # width and height
     assert any("proportions of the input" in one for one in described.assumptions)
-    given = body_size(propose_object(replace(query, text=f"{text}, 0.9 m wide"), height_m=0.7))
-    assert given[1:] == pytest.approx([0.9, 0.7], abs=0.04)
+    other = body_size(propose_object(replace(query, text=f"{text}, 0.9 m wide"), height_m=0.7))
+    assert other[1:] == pytest.approx([0.9, 0.7], abs=0.04)
 
 
 def body_size(proposal: ObjectProposal) -> Array:
