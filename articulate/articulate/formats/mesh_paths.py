@@ -44,7 +44,7 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
     raise MissingMesh(
         f"mesh {quote(reference)} not found; looked in {where}{ros}. Put it there, "
-        "or name its folder: check-asset --mesh-dirs FOLDER, whose --out train takes"
+        "or name its folder with check-asset --mesh-dirs FOLDER, and train on its --out folder"
     )
 
 
