@@ -125,7 +125,7 @@ def test_the_smallest_drawer_has_a_tray(board_m: float) -> None:
     (_, part) = layout(panel, height_m=height_m, base="none", board_m=board_m).parts()
     sizes = [solid.size for own in part.shapes for solid in own.solids if isinstance(solid, Box)]
     assert min(min(size) for size in sizes) > 0.005
-    with pytest.raises(ConfigError, match="too small|no room"):
+    with pytest.raises(ConfigError, match=r"too small|no room"):
         layout(panel, height_m=height_m - 0.001, base="none", board_m=board_m)
 
 
