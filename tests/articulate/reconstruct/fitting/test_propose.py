@@ -252,7 +252,8 @@ def test_a_described_structure_has_the_size_and_the_proportions_of_the_image(
 def body_size(proposal: ObjectProposal) -> Array:
     """Return depth, width and height of the body [m]."""
     solids = [solid for own in proposal.parts[0].shapes for solid in own.solids]
-    return np.ptp(np.concatenate([solid.mesh()[0] for solid in solids]), axis=0)
+    corners: Array = np.concatenate([solid.mesh()[0] for solid in solids])
+    return corners.max(axis=0) - corners.min(axis=0)
 
 
 @needs_weights
