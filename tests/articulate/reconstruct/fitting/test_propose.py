@@ -253,7 +253,8 @@ def body_size(proposal: ObjectProposal) -> Array:
     """Return depth, width and height of the body [m]."""
     solids = [solid for own in proposal.parts[0].shapes for solid in own.solids]
     corners: Array = np.concatenate([solid.mesh()[0] for solid in solids])
-    return corners.max(axis=0) - corners.min(axis=0)
+    size: Array = corners.max(axis=0) - corners.min(axis=0)
+    return size
 
 
 @needs_weights
