@@ -4,7 +4,8 @@ The categories of the procedural library have one kind of handle each, within mi
 drawer, door or lid of a plain box has a bar, a knob or a plate of any size that the gripper holds,
 anywhere on its front, and hinges are at all edges. Parts without a handle have a projecting edge;
 fingers close on it, or hook it where the part is thicker than the gripper opens.
-Shallow handles leave little room behind them, and double doors have two handles side by side.
+Shallow handles leave little room behind them, double doors have two handles side by side, and the
+handles of small doors are near the hinge. Levers turn about the direction of approach.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ KINDS = (
     "panel_wide_door", "panel_edge_door", "panel_edge_drawer", "panel_thin_lid",
     "panel_shallow_drawer", "panel_shallow_door", "panel_double_door",
     "panel_hook_drawer", "panel_hook_door", "panel_hook_lid",
+    "panel_small_door", "panel_lever_door",
 )  # fmt: skip
 """Names of the objects; the last word is what moves. New ones are added at the end: the random
 numbers depend on the order."""
@@ -135,8 +137,11 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
     hook = "hook" in kind
     if kind == "panel_hook_lid":
         return _thick_lid(s)
+    if kind == "panel_lever_door":
+        return _lever(s)
     drawer, edge, double = kind.endswith("drawer"), hook or "edge" in kind, "double" in kind
-    wide = s.between(0.2, 0.65)
+    small = kind == "panel_small_door"
+    wide = s.between(0.11, 0.26) if small else s.between(0.2, 0.65)
     high = s.between(0.11, 0.32) if drawer else s.between(0.2, 0.6)
     deep = s.between(0.3, 0.5) if drawer else s.between(0.2, 0.4)
     board_m = BOARD_M if kind in KINDS[:2] else s.log_between(0.008, 0.045)
@@ -164,7 +169,13 @@ def panel_parts(kind: str, seed: int) -> list[Part]:
         ]
     else:
         at, frame, room, motion = _door(
-            s, front[0], y, z, anywhere=kind == "panel_wide_door", double=double
+            s,
+            front[0],
+            y,
+            z,
+            anywhere=small or kind == "panel_wide_door",
+            double=double,
+            small=small,
         )
         if edge:
             side = 1.0 if at[1] > 0.0 else -1.0
@@ -190,24 +201,26 @@ def _mirrored(piece: Piece, y: float) -> Piece:
 
 
 def _door(
-    s: Sampler, x: float, y: Span, z: Span, *, anywhere: bool, double: bool
+    s: Sampler, x: float, y: Span, z: Span, *, anywhere: bool, double: bool, small: bool
 ) -> tuple[Vec3, Frame, float, Motion]:
     """Return place, axes and room of the handle of a door, and its hinge.
 
     The handle is near the free edge, very near on ``double`` doors, or ``anywhere`` on a door about
-    a vertical axis.
+    a vertical axis; on ``small`` doors it is level as often as upright.
     """
     wide, high, upper = y[1] - y[0], z[1] - z[0], s.between(1.2, 2.4)
     edge = s.between(0.05, 0.12)
     if anywhere:
-        edge = s.between(0.04, 0.65 * wide)
+        edge = s.between(0.025 if small else 0.04, (0.5 if small else 0.65) * wide)
     if double:
         edge = s.between(0.018, 0.045)
     if anywhere or double or s.chance(0.75):
         side = LEFT if s.chance(0.5) else RIGHT
         at = (x, side * (edge - wide / 2), sum(z) / 2 + 0.25 * high * s.between(-1, 1))
         frame, room = (
-            (FRONT_UPRIGHT, 0.5 * high) if double or s.chance(0.75) else (FRONT_LEVEL, 1.6 * edge)
+            (FRONT_UPRIGHT, 0.5 * high)
+            if double or s.chance(0.5 if small else 0.75)
+            else (FRONT_LEVEL, 1.6 * edge)
         )
         return at, frame, room, swing("body", "panel", (x, side * wide / 2, z[0]), side, upper)
     below = s.chance(0.7)
@@ -282,6 +295,32 @@ def _thick_lid(s: Sampler) -> list[Part]:
     motion = hinge("body", "panel", at, (0.0, 1.0, 0.0), upper, stiff=s.log_between(0.05, 0.3))
     board = shape("panel_board", "oak", lid, s.between(40.0, 150.0))
     return linked([box, Part(name="panel", shapes=(board,), motion=motion)])
+
+
+def _lever(s: Sampler) -> list[Part]:
+    """Return a box with a lever on its front that turns about the front's normal, as on a safe."""
+    wide, high, deep = s.between(0.25, 0.5), s.between(0.25, 0.5), s.between(0.2, 0.35)
+    x, y = around(0.0, deep), around(0.0, wide)
+    body = Part(name="body", shapes=(shape("body_box", "birch", {"box": (x, y, (0.0, high))}),))
+    length, thick = s.between(0.07, 0.2), s.log_between(0.007, 0.03)
+    clear, out = s.between(0.025, 0.05), s.log_between(0.01, 0.03)
+    turn = int(s.rng.integers(4))  # to the right, up, to the left, down
+    level = turn % 2 == 0
+    arm = (-0.5 * thick, length) if turn < 2 else (-length, 0.5 * thick)
+    across = around(0.0, thick)
+    ends = (arm, across) if level else (across, arm)
+    at = (x[0], 0.3 * wide * s.between(-1, 1), high * s.between(0.4, 0.6))
+    placed = [(at[k + 1] + a, at[k + 1] + b) for k, (a, b) in enumerate(ends)]
+    front = at[0] - clear
+    hub = (around(at[1], thick), around(at[2], thick))
+    pieces: dict[str, Piece] = {
+        "arm": ((front - out, front), placed[0], placed[1]),
+        "hub": ((front, at[0] - GAP_M), *hub),
+    }
+    axis = (1.0 if s.chance(0.5) else -1.0, 0.0, 0.0)
+    motion = hinge("body", "panel", at, axis, s.between(0.7, 1.5))
+    lever = shape("panel_handle", "dark_steel", pieces, 2000.0)
+    return linked([body, Part(name="panel", shapes=(lever,), motion=motion)])
 
 
 def write_panel(object_id: str, folder: Path) -> Path:
