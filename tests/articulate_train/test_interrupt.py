@@ -41,7 +41,7 @@ def test_once_saves_and_prints_the_command_that_goes_on(process):
     out, err = process.communicate(timeout=300)
     assert (process.returncode, out) == (130, "")
     line = err.splitlines()[-1]
-    command = line.removeprefix("interrupted; go on with: ")
+    command = line.removeprefix("interrupted; continue with: ")
     assert shlex.split(command) == ["train", "--resume", "--out", str(run.folder)]
     again = [*shlex.split(command), "--steps", "32", "--no-evaluate"]
     done = subprocess.run(

@@ -54,10 +54,12 @@ def test_a_tiny_measurement_prints_every_figure(tmp_path):
     assert result["robosuite_ratio_equal"] == pytest.approx(
         result["equal_steps_per_s"][0] / result["robosuite_steps_per_s"][0]
     )
-    share = result["training_shown_share"]
+    share = result["training_imitation_share"]
     assert share == pytest.approx(0.2)  # a tenth of a seed's steps for each of two members
-    shown, ppo = (result[f"training_{kind}_steps_per_s"] for kind in ("shown", "ppo"))
-    assert result["training_steps_per_s"] == pytest.approx(1 / (share / shown + (1 - share) / ppo))
+    names = [f"training_{kind}_steps_per_s" for kind in ("imitation", "ppo")]
+    imitation, ppo = (result[name] for name in names)
+    mean = 1 / (share / imitation + (1 - share) / ppo)
+    assert result["training_steps_per_s"] == pytest.approx(mean)
     assert set(result["steps_per_s_at"]) == {"2", "4"}
     assert 0.0 < result["lowest_share_of_best"] <= 1.0
     assert result["reset_ms"] > 0.0

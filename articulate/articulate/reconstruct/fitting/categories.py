@@ -83,9 +83,9 @@ LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Di
 STRUCTURES = ("hinges", "cap", "freezer", "handles", "kind")
 """Dimensions of a category that change its joints."""
 WORKTOP_M = 0.018
+"""Thickness of the worktop of furniture [m]."""
 BOARD_M, FRIDGE_BOARD_M, OVEN_BOARD_M = 0.018, 0.05, 0.03
 """Thickness of walls and fronts of furniture, refrigerators, and ovens and dishwashers [m]."""
-"""Thickness of the worktop of furniture [m]."""
 CONTROLS = (0.84, 0.95)
 """Lowest and highest edge of a control panel above a door, as a share of the front."""
 PLINTH_M, COOKTOP_M = 0.05, 0.02
