@@ -20,7 +20,8 @@ the machine affects both sides; ratios are medians over ``--rounds`` blocks.
 ``training_ratio``
     Complete training (engine and PPO) over the engine only, which runs the training's episodes
     with the actions of its last rollout. A seed begins with imitation, the rest is PPO: both are
-    measured (``training_ratio_imitation``, ``training_ratio_ppo``) and weighted by their shares.
+    measured (``training_ratio_imitation``, ``training_ratio_ppo``) and weighted by their shares of
+    a seed that does not end early.
 ``steps_per_s_at``, ``lowest_share_of_best``, ``memory_mb_per_env``
     Rate over numbers of environments, measured in turn, and memory per environment.
 ``reset_ms``, ``reset_one_ms``
@@ -359,13 +360,28 @@ def alternating(blocks: dict[str, Block], rounds: int) -> dict[str, list[float]]
     return rates
 
 
-def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
-    """Measure complete training against the engine: same episodes, actions of the last rollout."""
-    sides = {"imitation": ours, "ppo": ours.without_imitation()}
-    learner = sides["ppo"].learner
-    config = ours.learner.config
+def training(ours: OurSide, our_steps: int, args: argparse.Namespace) -> dict[str, Any]:
+    """Measure complete training against the engine: same episodes, actions of the last rollout.
 
-    def update(side: OurSide) -> float:
+    A seed has ``our_steps`` control steps. Imitation is measured over its complete phase, because
+    it keeps its samples and therefore slows down.
+    """
+    side = ours.without_imitation()
+    learner, config = side.learner, ours.learner.config
+    seed_config = replace(config, steps=our_steps).effective()
+
+    def imitation() -> float:
+        if seed_config.imitation.until == 0.0:
+            return float("nan")
+        beginning = ours.with_steps(our_steps)
+        begin, steps = time.perf_counter(), 0
+        while beginning.imitates:
+            steps += beginning.update()
+        seconds = time.perf_counter() - begin
+        beginning.close()
+        return steps / seconds
+
+    def ppo() -> float:
         begin, steps = time.perf_counter(), 0
         for _ in range(args.updates):
             steps += side.update()
@@ -380,17 +396,18 @@ def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
         learner.episodes.restore(kept)  # the training goes on where it was
         return float(args.updates * actions.shape[0] * actions.shape[1] / seconds)
 
-    blocks = {}
-    for name, side in sides.items():
-        side.update()  # the first one compiles and fills caches
-        blocks[name] = Block(partial(update, side), side.close)
-    rates = alternating(blocks | {"engine": Block(engine_only, _close_nothing)}, args.rounds)
-    share = min(
-        config.imitation.until * config.ensemble_size, 1.0
-    )  # of the seed, all members together
-    by_kind = zip(rates["imitation"], rates["ppo"], strict=True)
+    ours.update()  # the first updates compile and fill caches
+    side.update()
+    blocks = {
+        "imitation": Block(imitation, _close_nothing),
+        "ppo": Block(ppo, side.close),
+        "engine": Block(engine_only, _close_nothing),
+    }
+    rates = alternating(blocks, args.rounds)
+    share = min(seed_config.imitation.until * config.ensemble_size, 1.0)  # all members together
     rates["training"] = [
-        1.0 / (share / imitation + (1.0 - share) / ppo) for imitation, ppo in by_kind
+        1.0 / ((share / a if share else 0.0) + (1.0 - share) / b)
+        for a, b in zip(rates["imitation"], rates["ppo"], strict=True)
     ]
     out: dict[str, Any] = {}
     for name, key in (("training", ""), ("imitation", "_imitation"), ("ppo", "_ppo")):
@@ -508,7 +525,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         if "robosuite" in args.parts:
             result |= rivals(scene, config, fixture, args)
         if "training" in args.parts:
-            result |= training(ours, args)
+            result |= training(ours, settings.our_steps, args)
         ours.close()
     result["missed"] = missed(result)
     return result | {

@@ -78,6 +78,8 @@ class Settings:
     """What is to be opened."""
     our_envs: int
     """Environments of ours; robosuite has one in each worker."""
+    our_steps: int
+    """Control steps of a seed of ours in a training."""
     our_physics_step_s: float
     """Our physics step [s], the one that is shipped; robosuite's is 0.002."""
 
@@ -152,7 +154,23 @@ class OurSide:
     def without_imitation(self) -> OurSide:
         """Return another training of the same scene: PPO from the first control step on."""
         of, scene = self.learner.config, self.learner.episodes.engine.scene
-        return OurSide(scene, replace(of, imitation=replace(of.imitation, until=0.0)), self.threads)
+        config = replace(
+            of,
+            imitation=replace(of.imitation, until=0.0),
+            fine_tuning=replace(of.fine_tuning, imitation_steps=0),
+        )
+        return OurSide(scene, config, self.threads)
+
+    def with_steps(self, steps: int) -> OurSide:
+        """Return another training of the same scene with so many control steps."""
+        of, scene = self.learner.config, self.learner.episodes.engine.scene
+        return OurSide(scene, replace(of, steps=steps), self.threads)
+
+    @property
+    def imitates(self) -> bool:
+        """True if the next update is one of the imitation phase."""
+        config = self.learner.config
+        return config.imitation.is_active(self.learner.model.num_timesteps / config.steps)
 
     def workers(self) -> list[int]:
         """None: it runs in threads."""
@@ -170,8 +188,9 @@ def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fi
     """
     urdf = embedded_cabinet(folder / "urdf")
     asked = read_yaml(find_config(preset)) if preset else {}
-    asked |= {"asset": str(urdf), "seeds": [0], "steps": ENDLESS_STEPS}
-    config = load_config(TrainConfig, asked)
+    asked |= {"asset": str(urdf), "seeds": [0]}
+    our_steps = load_config(TrainConfig, asked).steps
+    config = load_config(TrainConfig, asked | {"steps": ENDLESS_STEPS})
     run = create_run(config, folder / "run", folder / "cache")
     settings = Settings(
         rollout=config.ppo.n_envs * config.ppo.n_steps,
@@ -183,6 +202,7 @@ def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fi
         horizon=round(run.task.episode_s * CONTROL_HZ),
         our_physics_step_s=config.physics.timestep_s,
         our_envs=config.ppo.n_envs,
+        our_steps=our_steps,
         joint=run.task.joint,
     )
     fixture = fixture_of(
