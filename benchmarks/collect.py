@@ -1,10 +1,10 @@
-"""Keep what a run found, small enough for the repository: figures and thinned learning curves.
+"""Print the summary of a run that the repository keeps: figures and thinned learning curves.
 
 python benchmarks/collect.py runs/cabinet > docs/results/data/policies/open_drawer_cabinet.json
 
-Evaluations with wider ranges are taken along from where ``evaluate --ranges`` leaves them in the
-folder of the run, and with ``--deploy FILE`` what ``deploy BUNDLE --robot mujoco pybullet --json``
-printed.
+The summary includes the evaluations with wider ranges that ``evaluate --ranges`` wrote to the
+folder of the run. ``--deploy FILE`` adds the output of ``deploy BUNDLE --robot mujoco pybullet
+--json``.
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from articulate_train.run import CONFIG, DONE
+from articulate_train.run import DONE, Run, open_run
+from articulate_train.train_seed import PROGRESS
 
 POINTS = 20
-"""Points kept of a learning curve."""
-LEARNT, WINDOW = 0.9, 100
-"""Share of the last so many training episodes from home that is called learnt."""
+"""Points of a learning curve in the summary."""
+SUCCESS, WINDOW = 0.9, 100
+"""Success rate over the latest training episodes whose time is reported, and their number."""
 
 
-def thinned(curve: dict[str, Any]) -> dict[str, Any]:
+def thin_curve(curve: dict[str, Any]) -> dict[str, Any]:
     """Reduce a curve to about :data:`POINTS` points, each the mean of the rows up to it."""
     rows = list(zip(curve["steps"], curve["success"], curve["opened"], strict=True))
     size = max(1, len(rows) // POINTS)
@@ -39,10 +38,16 @@ def thinned(curve: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def when_learnt(rows: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
-    """Ticks and seconds until the last :data:`WINDOW` training episodes succeed often enough.
+def first_success(rows: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
+    """Return the control steps and seconds until training succeeds in :data:`SUCCESS`.
 
-    ``rows`` are those of a seed's ``progress.jsonl``. None if that never comes.
+    The rate is that of the latest :data:`WINDOW` training episodes from the start pose.
+
+    Args:
+        rows: Rows of a seed's ``progress.jsonl``.
+
+    Returns:
+        ``steps`` and ``seconds`` [s]; None if the rate is never reached.
     """
     for end in range(1, len(rows) + 1):
         episodes = successes = 0.0
@@ -51,34 +56,35 @@ def when_learnt(rows: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
             successes += row["episodes"] * (row["success"] or 0.0)
             if episodes >= WINDOW:
                 break
-        if episodes >= WINDOW and successes >= LEARNT * episodes:
+        if episodes >= WINDOW and successes >= SUCCESS * episodes:
             return {"steps": rows[end - 1]["steps"], "seconds": rows[end - 1]["seconds"]}
     return None
 
 
-def until_learnt(run: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """When each seed of ``run`` first had :data:`LEARNT` of its own episodes from home.
+def training_times(run: Run, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Return :func:`first_success` of each seed, with None for rates that are never reached.
 
-    Episodes while a guide acts in some environments do not count.
+    Episodes while the scripted expert acts in some environments do not count.
     """
-    config = yaml.safe_load((run / CONFIG).read_text(encoding="utf-8"))
-    shown = config["show"]["until"] * config["show"]["expert_until"] * config["steps"]
-    found = []
+    config = run.config.effective()
+    share = config.imitation.until * config.imitation.expert_until
+    expert_steps = share * config.steps * config.ensemble_size
+    times = []
     for seed in seeds:
-        lines = (run / f"seed_{seed}" / "progress.jsonl").read_text(encoding="utf-8").splitlines()
+        lines = (run.seed_folder(seed) / PROGRESS).read_text(encoding="utf-8").splitlines()
         rows = [json.loads(line) for line in lines]
-        when = when_learnt([row for row in rows if row["steps"] > shown])
-        found.append({"seed": seed, "steps": None, "seconds": None} | (when or {}))
-    return found
+        found = first_success([row for row in rows if row["steps"] > expert_steps])
+        times.append({"seed": seed, "steps": None, "seconds": None} | (found or {}))
+    return times
 
 
-def who_acts(run: Path, seed: int) -> dict[str, Any]:
-    """Which member of a seed acts alone, if one does, and how all and each alone were judged."""
+def member_scores(run: Path, seed: int) -> dict[str, Any]:
+    """Return the evaluations of a seed's ensemble and members that selected the active ones."""
     done = json.loads((run / f"seed_{seed}" / DONE).read_text(encoding="utf-8"))
-    return {"seed": seed, "acts": done.get("acts"), "judged": done.get("members", [])}
+    return {"seed": seed, "scores": done["ensemble"]}
 
 
-def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
+def range_summary(report: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result of an evaluation with other ranges, without the run's description."""
     names = ("success_rate", "opened_rate", "worst_seed_success_rate", "success_iqm", "reasons")
     return {
@@ -87,8 +93,8 @@ def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def kept(report: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the figures of a report that the repository keeps."""
+def report_summary(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of ``report.json`` that the repository keeps."""
     info = report["info"]
     names = (
         "success_rate", "opened_rate", "nominal_success_rate", "worst_seed_success_rate",
@@ -100,47 +106,47 @@ def kept(report: Mapping[str, Any]) -> dict[str, Any]:
         **{k: report[k] for k in names},
         "seeds": report["seeds"],
         "parameters": [
-            {k: p[k] for k in ("name", "lowest", "highest", "unevenness")}
+            {k: p[k] for k in ("name", "lowest", "highest", "dispersion")}
             for p in report["parameters"]
         ],
-        "curves": [thinned(c) for c in report["curves"]],
+        "curves": [thin_curve(c) for c in report["curves"]],
     }
 
 
-def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
-    """All that the repository keeps of a run."""
-    report = json.loads((run / "report.json").read_text(encoding="utf-8"))
-    found = kept(report)
+def run_summary(folder: Path, deploy: Path | None) -> dict[str, Any]:
+    """Return everything about a run that the repository keeps."""
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    summary = report_summary(report)
     seeds = [s["seed"] for s in report["seeds"]]
-    found["learnt"] = until_learnt(run, seeds)
-    found["members"] = [who_acts(run, seed) for seed in seeds]
-    found["ranges"] = {
-        path.parent.name.removeprefix("ranges_"): outcome(
+    summary["time_to_90_percent"] = training_times(open_run(folder), seeds)
+    summary["member_scores"] = [member_scores(folder, seed) for seed in seeds]
+    summary["ranges"] = {
+        path.parent.name.removeprefix("ranges_"): range_summary(
             json.loads(path.read_text(encoding="utf-8"))
         )
-        for path in sorted(run.glob("ranges_*/report.json"))
+        for path in sorted(folder.glob("ranges_*/report.json"))
     }
     if deploy is not None:
-        found["deploy"] = compared(json.loads(deploy.read_text(encoding="utf-8")))
-    return found
+        summary["deploy"] = deploy_summary(json.loads(deploy.read_text(encoding="utf-8")))
+    return summary
 
 
-def compared(report: dict[str, Any]) -> dict[str, Any]:
-    """Return the output of ``deploy --json`` without its single episodes."""
+def deploy_summary(report: dict[str, Any]) -> dict[str, Any]:
+    """Return the output of ``deploy --json`` without its single episodes and notes."""
     robots = {
-        name: {key: value for key, value in robot.items() if key != "each"}
+        name: {key: value for key, value in robot.items() if key not in ("each", "notes")}
         for name, robot in report["robots"].items()
     }
     return report | {"robots": robots}
 
 
 def main() -> int:
-    """Print the kept figures of one run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--deploy", type=Path, help="what deploy --json printed of its bundle")
+    """Print the summary of one run."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("run", type=Path, help="folder of a finished run")
+    parser.add_argument("--deploy", type=Path, help="output of deploy --json for its bundle")
     flags = parser.parse_args()
-    print(json.dumps(collected(flags.run, flags.deploy), indent=1))
+    print(json.dumps(run_summary(flags.run, flags.deploy), indent=1))
     return 0
 
 

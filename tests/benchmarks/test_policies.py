@@ -1,25 +1,36 @@
-"""The table of policies is what the kept summaries say."""
+"""The table of policies and the summaries that it is printed from."""
 
 import json
 from pathlib import Path
 
 import pytest
 
-from collect import WINDOW, compared, when_learnt, who_acts
-from policies import FOLDER, failures, learnt_text, object_text, ratio_text, row, share, table
+from articulate_train.config import TrainConfig
+from articulate_train.run import Run
+from collect import WINDOW, deploy_summary, first_success, member_scores, training_times
+from policies import (
+    FOLDER,
+    failures,
+    format_share,
+    object_text,
+    ratio_text,
+    row,
+    table,
+    training_time_text,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def rows(*shares, episodes=WINDOW // 2):
+def progress_rows(*success_rates, episodes=WINDOW // 2):
     """Rows of a progress file, half a window each."""
     return [
         {"steps": 100 * (i + 1), "seconds": 10.0 * (i + 1), "episodes": episodes, "success": s}
-        for i, s in enumerate(shares)
+        for i, s in enumerate(success_rates)
     ]
 
 
-def test_the_page_of_results_has_the_figures_that_the_command_prints():
+def test_the_results_page_has_the_figures_of_the_table():
     page = (ROOT / "docs" / "results" / "index.md").read_text(encoding="utf-8")
     rows = (line for line in page.splitlines() if line.startswith(("| open_", "| close_")))
     lines = [line for line in rows if line.count("|") == 6]  # those of policies
@@ -32,79 +43,98 @@ def test_the_page_of_results_has_the_figures_that_the_command_prints():
 
 
 @pytest.mark.parametrize(
-    ("shares", "steps"),
+    ("success_rates", "steps"),
     [
         pytest.param((0.0, 0.8, 1.0, 1.0), 300, id="mean-of-two-rows-is-enough"),
-        pytest.param((1.0,), None, id="half-a-window-tells-nothing"),
+        pytest.param((1.0,), None, id="half-a-window-is-too-short"),
         pytest.param((0.5, 0.9, 0.89, 0.9), None, id="never"),
         pytest.param((0.5, 0.9, 0.9), 300, id="exactly"),
     ],
 )
-def test_learnt_is_when_the_last_window_of_episodes_succeeds(shares, steps):
-    found = when_learnt(rows(*shares))
+def test_first_success_is_the_first_window_above_the_rate(success_rates, steps):
+    found = first_success(progress_rows(*success_rates))
     assert (found and found["steps"]) == steps
 
 
-def test_rows_without_an_end_of_an_episode_do_not_count():
-    told = [*rows(1.0), {"steps": 150, "seconds": 15.0, "episodes": 0, "success": None}]
-    assert when_learnt(told) is None
-    assert when_learnt([*told, *rows(1.0)])
+def test_rows_without_finished_episodes_do_not_count():
+    empty = {"steps": 150, "seconds": 15.0, "episodes": 0, "success": None}
+    rows = [*progress_rows(1.0), empty]
+    assert first_success(rows) is None
+    assert first_success([*rows, *progress_rows(1.0)])
 
 
 @pytest.mark.parametrize(
-    ("asset", "path", "told"),
+    ("policy", "ensemble", "steps"),
+    [("random", 1, 800), ("random", 2, None), ("generalist", 2, 200)],
+)
+def test_episodes_while_the_expert_acts_do_not_count(tmp_path, policy, ensemble, steps):
+    """Each member is helped for 600 of 10,000 control steps; in fine-tuning none is."""
+    config = TrainConfig(
+        asset="a.urdf", task="open_drawer", initial_policy=policy, steps=10_000,
+        ensemble_size=ensemble,
+    )  # fmt: skip
+    placed = dict.fromkeys(("asset", "task", "placement", "arm"))
+    run = Run(folder=tmp_path, config=config, **placed)
+    run.seed_folder(0).mkdir()
+    lines = [json.dumps(line) for line in progress_rows(*[1.0] * 8)]
+    (run.seed_folder(0) / "progress.jsonl").write_text("\n".join(lines))
+    assert training_times(run, [0])[0]["steps"] == steps
+
+
+@pytest.mark.parametrize(
+    ("asset", "path", "text"),
     [
         ("microwave", "data/assets/libero/articulated_objects/microwave.xml", "libero microwave"),
         ("partnet_9748", "data/assets/partnet/9748/mobility.urdf", "partnet 9748"),
         ("cabinet", "cabinet.urdf", "cabinet"),
     ],
 )
-def test_an_object_is_told_with_its_data_set(asset, path, told):
-    assert object_text({"asset": asset, "command": f"train --asset {path} --seeds 0"}) == told
+def test_an_object_is_named_after_its_data_set(asset, path, text):
+    assert object_text({"asset": asset, "command": f"train --asset {path} --seeds 0"}) == text
 
 
-def test_a_cell_is_bold_where_it_reaches_what_is_asked_and_rounded_down_where_not():
-    assert share(0.98, 0.98) == "**98.0 %**"
-    assert share(0.9797, 0.98) == "97.9 %"
+def test_a_share_is_bold_at_the_target_and_rounded_down_below():
+    assert format_share(0.98, 0.98) == "**98.0 %**"
+    assert format_share(0.9797, 0.98) == "97.9 %"
 
 
-def test_failures_are_in_the_order_of_their_number():
-    told = failures({"success": 990, "not_at_rest": 3, "goal_not_reached": 7})
-    assert told == "goal not reached 7, not at rest 3 of 1,000"
+def test_failures_are_sorted_by_frequency():
+    text = failures({"success": 990, "not_at_rest": 3, "goal_not_reached": 7})
+    assert text == "goal not reached 7, not at rest 3 of 1,000"
     assert failures({"success": 3000}) == "none of 3,000"
 
 
-def test_seeds_that_never_learn_are_told():
-    seen = {"steps": 4e5, "seconds": 60.0}
-    assert learnt_text([seen, {"steps": None, "seconds": None}]) == "1 of 2 seeds"
-    assert learnt_text([seen, seen]) == "0.40M, 1.0 min"
+def test_seeds_that_never_reach_the_rate_are_counted():
+    reached = {"steps": 4e5, "seconds": 60.0}
+    assert training_time_text([reached, {"steps": None, "seconds": None}]) == "1 of 2 seeds"
+    assert training_time_text([reached, reached]) == "0.40M, 1.0 min"
 
 
-def test_the_ratio_is_of_the_same_draws():
+def test_the_ratio_compares_the_same_episodes():
     assert ratio_text(None) == "—"
     robots = {"mujoco": {"successes": 198}, "pybullet": {"successes": 190}}
     deploy = {"robots": robots, "ratios": {"pybullet": 190 / 198}}
     assert ratio_text(deploy) == "190 ÷ 198: **96.0 %**"
 
 
-def test_single_episodes_of_another_engine_are_not_kept():
-    robots = {"mujoco": {"successes": 1, "each": [{"reason": "success"}]}}
-    told = compared({"reference": "mujoco", "robots": robots})
-    assert told == {"reference": "mujoco", "robots": {"mujoco": {"successes": 1}}}
+def test_the_deploy_summary_has_no_single_episodes():
+    robots = {"mujoco": {"successes": 1, "each": [{"reason": "success"}], "notes": ["size"]}}
+    summary = deploy_summary({"reference": "mujoco", "robots": robots})
+    assert summary == {"reference": "mujoco", "robots": {"mujoco": {"successes": 1}}}
 
 
-def test_a_seed_of_which_one_member_acts_is_marked():
+def test_a_seed_with_one_active_member_is_marked():
     summary = json.loads((FOLDER / "close_lid_9748.json").read_text(encoding="utf-8"))
-    summary["members"] = [{"seed": k, "acts": 0 if k == 1 else None} for k in range(3)]
+    assert "°" not in row(summary)[1]
+    summary["seeds"][1]["active_member"] = 0
     second = f"{100 * summary['seeds'][1]['success']['value']:.1f}"
     assert f", {second}°, " in row(summary)[1]
     assert row(summary)[1].count("°") == 1
 
 
-def test_who_acts_is_taken_along_and_all_do_in_runs_of_before(tmp_path):
-    for seed, done in enumerate([{"acts": 1, "members": [{"alone": 1}]}, {"steps": 5}]):
-        folder = tmp_path / f"seed_{seed}"
-        folder.mkdir()
-        (folder / "done.json").write_text(json.dumps(done))
-    assert who_acts(tmp_path, 0) == {"seed": 0, "acts": 1, "judged": [{"alone": 1}]}
-    assert who_acts(tmp_path, 1) == {"seed": 1, "acts": None, "judged": []}
+def test_member_scores_are_those_of_the_finished_seed(tmp_path):
+    (tmp_path / "seed_3").mkdir()
+    scores = [{"member": None, "episodes": 500, "successes": 498}]
+    done = {"steps": 5, "ensemble": scores, "active_member": None}
+    (tmp_path / "seed_3" / "done.json").write_text(json.dumps(done))
+    assert member_scores(tmp_path, 3) == {"seed": 3, "scores": scores}
