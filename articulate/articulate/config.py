@@ -12,7 +12,7 @@ import dataclasses
 import math
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
@@ -169,6 +169,46 @@ def known_keys(cls: type[Any], prefix: str = "") -> Iterator[str]:
         for option in options_of(hint):
             if dataclasses.is_dataclass(option) and isinstance(option, type):
                 yield from known_keys(option, f"{prefix}{name}.")
+
+
+def check_bounds(section: str, config: Any, low: float, high: float, *names: str) -> None:
+    """Check that the numbers in fields ``names`` of ``config`` are finite, ``low`` to ``high``.
+
+    Args:
+        section: Key of ``config``, for the message.
+        config: A dataclass; its fields are numbers or tuples of numbers.
+        low: Lower bound; minus infinity: none.
+        high: Upper bound; infinity: none.
+        names: Names of fields.
+
+    Raises:
+        ConfigError: A number is out of bounds or infinite.
+    """
+    accepted = "finite" if low == -math.inf else f"finite and at least {low:g}"
+    accepted = accepted if high == math.inf else f"in [{low:g}, {high:g}]"
+    _check(section, config, names, lambda v: low <= v <= high and math.isfinite(v), accepted)
+
+
+def check_above_0(section: str, config: Any, *names: str) -> None:
+    """Check that the numbers in fields ``names`` of ``config`` are finite and above 0.
+
+    Raises:
+        ConfigError: A number is not.
+    """
+    _check(section, config, names, lambda v: 0.0 < v < math.inf, "above 0")
+
+
+def _check(
+    section: str,
+    config: Any,
+    names: tuple[str, ...],
+    accepts: Callable[[float], bool],
+    accepted: str,
+) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not all(accepts(v) for v in (value if isinstance(value, tuple) else (value,))):
+            raise ConfigError(f"{section}.{name} is {value}; it must be {accepted}")
 
 
 class _Decoder:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from articulate.config import check_bounds
 from articulate.errors import ConfigError
 
 EngineName = Literal["cpu", "warp"]
@@ -23,9 +25,7 @@ class WarpConfig:
     78."""
 
     def __post_init__(self) -> None:
-        for name in ("contacts", "constraints"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"warp.{name} is {getattr(self, name)}; it must be at least 1")
+        check_bounds("warp", self, 1, math.inf, "contacts", "constraints")
 
 
 def check_until(name: str, until: float) -> None:
@@ -77,6 +77,14 @@ class InitialStatesConfig:
 
     def __post_init__(self) -> None:
         check_until("initial_states", self.until)
+        check_bounds(
+            "initial_states", self, 0.0, 1.0,
+            "share_first", "share_last", "grip_share", "empty_grasp_share", "closing_share",
+            "off_target_share", "truncation_probability",
+        )  # fmt: skip
+        lengths = ("standoff_m", "empty_grasp_m", "off_target_m")
+        check_bounds("initial_states", self, 0.0, math.inf, *lengths)
+        check_bounds("initial_states", self, 1, math.inf, "n_precomputed")
         if not 0.0 <= self.truncation_env_share < 1.0:
             raise ConfigError(
                 f"initial_states.truncation_env_share is {self.truncation_env_share}; it must be "

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from articulate.config import check_above_0, check_bounds
 from articulate.errors import ConfigError
 
 
@@ -22,6 +24,10 @@ class PhysicsConfig:
     """Largest number of solver iterations."""
     tolerance: float = 1e-8
     """Tolerance of the solver."""
+
+    def __post_init__(self) -> None:
+        check_above_0("physics", self, "timestep_s", "impratio", "iterations")
+        check_bounds("physics", self, 0.0, math.inf, "tolerance")
 
     def substeps(self, step_s: float) -> int:
         """Return the number of physics steps in a control step of ``step_s`` [s].

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from articulate.config import check_above_0, check_bounds
 from articulate.errors import ConfigError
 from articulate.jit import row_function
 
@@ -524,6 +525,11 @@ class RewardConfig:
     def __post_init__(self) -> None:
         if not 0.0 < self.until <= 1.0:
             raise ConfigError(f"reward.until is {self.until}; it must be above 0 and at most 1")
+        for name in (*TERMS, "travel"):
+            term = getattr(self, name)
+            names = [f.name for f in fields(term)]
+            check_bounds(f"reward.{name}", term, -math.inf, math.inf, *names)
+            check_above_0(f"reward.{name}", term, *(n for n in names if "scale" in n))  # divisors
 
 
 def _number_types() -> dict[type, Any]:

@@ -1,8 +1,11 @@
 """Numbers that no training can be made with are rejected before it begins."""
 
+import dataclasses
+
 import pytest
 
 from articulate.commands.flags import parse
+from articulate.config import from_mapping
 from articulate.errors import ConfigError
 from articulate.task.floor_pose import FloorPose, ObjectLocation, save_location
 from articulate.task.randomization_config import RandomizationConfig
@@ -83,3 +86,47 @@ def test_a_placement_is_numbers_or_a_file_and_is_kept_as_numbers(tmp_path, error
         "with_placement(2 numbers)",
         lambda: with_placement(TrainConfig(asset="x", placement=(0.7, 0.1))),
     )
+
+
+def numbers_of(config, parents=()):
+    """Yield the path and value of each number and tuple of numbers."""
+    for f in dataclasses.fields(config):
+        value, path = getattr(config, f.name), (*parents, f.name)
+        if dataclasses.is_dataclass(value):
+            yield from numbers_of(value, path)
+        elif type(value[0] if value and isinstance(value, tuple) else value) in (int, float):
+            yield path, value
+
+
+NUMBERS = dict(numbers_of(TrainConfig(asset="cabinet.urdf")))
+SIGNED = ("reward", "log_std_init", "log_std_final")
+
+
+def changed(path, number):
+    """Return the configuration with ``number`` at ``path``."""
+    value = [number] * len(NUMBERS[path]) if isinstance(NUMBERS[path], tuple) else number
+    for name in reversed(path):
+        value = {name: value}
+    return from_mapping(TrainConfig, {"asset": "cabinet.urdf"} | value, "test")
+
+
+@pytest.mark.parametrize("path", NUMBERS, ids=".".join)
+def test_infinite_and_impossible_negative_numbers_of_every_key_are_rejected(path):
+    signed = path[0] in SIGNED or path[-1] in SIGNED
+    for number in (float("inf"), *(() if signed else (-1,))):
+        with pytest.raises(ConfigError) as caught:
+            changed(path, number)
+        assert ".".join(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("path", [p for p in NUMBERS if "scale" in p[-1] and p[0] == "reward"])
+def test_scales_of_reward_terms_are_divisors_and_above_0(path):
+    with pytest.raises(ConfigError, match="it must be above 0"):
+        changed(path, 0)
+
+
+@pytest.mark.parametrize("name", ["timestep_s", "iterations", "impratio"])
+def test_physics_settings_without_a_step_or_an_iteration_are_rejected(name):
+    with pytest.raises(ConfigError) as caught:
+        changed(("physics", name), 0)
+    assert f"physics.{name} is 0" in str(caught.value)

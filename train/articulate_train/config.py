@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from articulate.commands.fields import ADVANCED
+from articulate.config import check_above_0, check_bounds
 from articulate.errors import ConfigError, nearest
 from articulate.robot.config import ControlConfig
 from articulate.task.randomization_config import (
@@ -83,9 +84,12 @@ class PpoConfig:
     def __post_init__(self) -> None:
         counts = {f"ppo.{name}": getattr(self, name) for name in ("n_envs", "n_steps", "n_epochs")}
         check_least(1, counts | {"ppo.net_arch": min(self.net_arch, default=1)})
-        for name in ("learning_rate", "learning_rate_final"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"ppo.{name} is {getattr(self, name)}; it must be above 0")
+        check_above_0(
+            "ppo", self, "learning_rate", "learning_rate_final", "clip_range", "max_grad_norm"
+        )
+        check_bounds("ppo", self, 0.0, 1.0, "gamma", "gae_lambda")
+        check_bounds("ppo", self, 0.0, math.inf, "ent_coef", "vf_coef")
+        check_bounds("ppo", self, -math.inf, math.inf, "log_std_init", "log_std_final")
         size = self.n_envs * self.n_steps
         if self.batch_size < 2 or size % self.batch_size:
             raise ConfigError(
@@ -129,10 +133,8 @@ class ImitationConfig:
     """Fit the policy to the samples of all updates of the phase instead of those of the last."""
 
     def __post_init__(self) -> None:
-        for name in ("until", "expert_until"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ConfigError(f"imitation.{name} is {value}; it must be in [0, 1]")
+        check_bounds("imitation", self, 0.0, 1.0, "until", "expert_until")
+        check_above_0("imitation", self, "learning_rate")
         check_least(1, {"imitation.epochs": self.epochs})
 
     def is_active(self, progress: float) -> bool:
@@ -191,7 +193,7 @@ class ActionScalingConfig:
                 raise ConfigError(
                     f"action_scaling.{name} is {value}; it must be above 0 and at most 1"
                 )
-        if not 0.0 <= self.near_m < self.far_m:
+        if not 0.0 <= self.near_m < self.far_m < math.inf:
             raise ConfigError(
                 f"action_scaling.near_m is {self.near_m} and action_scaling.far_m {self.far_m}; "
                 "they must grow from 0"
@@ -208,11 +210,7 @@ class ActionScalingConfig:
             raise ConfigError(
                 f"action_scaling.closed_width_m is {begin} {end}; it must be two growing openings"
             )
-        for name in ("goal_range_max_m", "closed_speed_m_s"):
-            if not getattr(self, name) > 0.0:
-                raise ConfigError(
-                    f"action_scaling.{name} is {getattr(self, name)}; it must be above 0"
-                )
+        check_above_0("action_scaling", self, "goal_range_max_m", "closed_speed_m_s")
         self._check_leads()
 
     def _check_leads(self) -> None:
@@ -321,11 +319,10 @@ class FineTuningConfig:
 
     def __post_init__(self) -> None:
         check_least(0, {"fine_tuning.imitation_steps": self.imitation_steps})
-        for name in ("imitation_learning_rate", "learning_rate", "learning_rate_final"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigError(
-                    f"fine_tuning.{name} is {getattr(self, name)}; it must be above 0"
-                )
+        rates = ("imitation_learning_rate", "learning_rate", "learning_rate_final")
+        check_above_0("fine_tuning", self, *rates)
+        check_bounds("fine_tuning", self, 0.0, 1.0, "share_first", "share_last")
+        check_bounds("fine_tuning", self, -math.inf, math.inf, "log_std_init")
 
 
 @dataclass(frozen=True, kw_only=True)

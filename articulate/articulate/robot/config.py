@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from articulate.errors import ConfigError
+from articulate.config import check_above_0, check_bounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,16 +33,12 @@ class ControlConfig:
     """Force limit of a closed gripper: the load that an object may need to be opened [N]."""
 
     def __post_init__(self) -> None:
-        for name in (
+        check_above_0(
+            "control", self,
             "rate_hz", "omega_rad_s", "step_rad", "max_tracking_error_rad", "move_m", "turn_rad",
             "force_limit_n", "force_limit_holding_n",
-        ):  # fmt: skip
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"control.{name} is {getattr(self, name)}; it must be above 0")
-        if not 0.0 <= self.margin_rad < math.inf:
-            raise ConfigError(
-                f"control.margin_rad is {self.margin_rad}; it must be finite and at least 0"
-            )
+        )  # fmt: skip
+        check_bounds("control", self, 0.0, math.inf, "margin_rad")
 
     @property
     def step_s(self) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from articulate.config import check_bounds
 from articulate.errors import ConfigError
 
 Range = tuple[float, float]
@@ -88,6 +90,7 @@ class RandomizationConfig:
                     f"randomization.{f.name} is {value}; it must be within 0 to "
                     f"{MAX_DELAY_STEPS} control steps"
                 )
+            check_bounds("randomization", self, 0.0, math.inf, f.name)
 
     def widened(self, factor: float) -> RandomizationConfig:
         """Return the ranges widened by ``factor``.
