@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -73,8 +74,8 @@ def test_episodes_while_the_expert_acts_do_not_count(tmp_path, policy, ensemble,
         asset="a.urdf", task="open_drawer", initial_policy=policy, steps=10_000,
         ensemble_size=ensemble,
     )  # fmt: skip
-    placed = dict.fromkeys(("asset", "task", "placement", "arm"))
-    run = Run(folder=tmp_path, config=config, **placed)
+    others: dict[str, Any] = dict.fromkeys(("asset", "task", "placement", "arm"))
+    run = Run(folder=tmp_path, config=config, **others)
     run.seed_folder(0).mkdir()
     lines = [json.dumps(line) for line in progress_rows(*[1.0] * 8)]
     (run.seed_folder(0) / "progress.jsonl").write_text("\n".join(lines))
