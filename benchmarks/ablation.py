@@ -1,10 +1,10 @@
-"""Success by training mechanism: PPO alone, imitation, checkpoint selection, ensemble.
+"""Measure success by training mechanism: PPO, imitation, checkpoint selection, ensemble.
 
     python benchmarks/ablation.py --data data --out runs/ablation --json
 
 Each row adds one mechanism to the row above, at the same number of control steps per seed. The row
 without selection evaluates the last checkpoint of the training with selection. Runs that exist in
-``--out`` are resumed or read, so the command can be stopped and called again.
+``--out`` are resumed or read, so the command can be stopped and repeated.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def success(folder: Path) -> dict[str, float] | None:
 
 def train(folder: Path, arguments: list[str]) -> None:
     """Train and evaluate one seed, or resume it."""
-    words = [sys.executable, "-m", "articulate", "train", "--out", str(folder), "--quiet"]
-    words += ["--resume"] if (folder / "config.yaml").is_file() else arguments
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    command = [sys.executable, "-m", "articulate", "train", "--out", str(folder), "--quiet"]
+    command += ["--resume"] if (folder / "config.yaml").is_file() else arguments
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def evaluate_last(trained: Path, folder: Path, seed: int) -> None:
@@ -58,8 +58,8 @@ def evaluate_last(trained: Path, folder: Path, seed: int) -> None:
     shutil.copytree(trained, folder)
     (folder / "report.json").unlink()
     (folder / f"seed_{seed}" / "policy.pt").unlink()
-    words = [sys.executable, "-m", "articulate", "evaluate", str(folder)]
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    command = [sys.executable, "-m", "articulate", "evaluate", str(folder)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def measure(out: Path, asset: Path, task: str, seed: int, steps: int) -> dict[str, Any]:
@@ -78,11 +78,11 @@ def measure(out: Path, asset: Path, task: str, seed: int, steps: int) -> dict[st
 def main() -> None:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--data", type=Path, required=True, help="folder with assets/")
+    parser.add_argument("--data", type=Path, required=True, help="folder that contains assets/")
     parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2], help="training seeds")
     parser.add_argument("--steps", type=int, default=500_000, help="control steps of each seed")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     flags = parser.parse_args()
     rows: dict[str, dict[str, Any]] = {row: {} for row in ROWS}
     for seed in flags.seeds:

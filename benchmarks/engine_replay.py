@@ -1,4 +1,4 @@
-"""Replay of recorded episodes by ``mj_step`` alone, the limit of the engine's speed."""
+"""Replay of recorded episodes by ``mj_step`` only, the limit of the engine's speed."""
 
 from __future__ import annotations
 

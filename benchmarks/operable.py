@@ -1,10 +1,11 @@
-"""Compare what `train` accepts with what a person could open with a Panda gripper.
+"""Compare the objects that `train` accepts with those that a person considers operable.
 
-    python benchmarks/operable.py --data ../shared/data --out runs/operable.jsonl --json
+    python benchmarks/operable.py --data data --out runs/operable.jsonl --json
 
-``benchmarks/data/operable.json`` lists objects and tasks with a person's judgement. A pair is
-accepted if a placement is found and the scripted expert succeeds often enough to train. Results are
-appended to ``--out``, so the command can be stopped and called again.
+``benchmarks/data/operable.json`` lists objects and tasks. A person classified each pair from
+images: operable with a Panda gripper or not. ``train`` accepts a pair if a placement is found and
+the scripted expert succeeds often enough. Results are appended to ``--out``, so the command can be
+stopped and repeated.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ LIST = Path(__file__).parent / "data" / "operable.json"
 
 
 def attempt(file: Path, task: str) -> dict[str, Any]:
-    """Return what ``train`` finds for one task of the object ``file``."""
+    """Return the decision of ``train`` on one task of the object ``file``, with its reasons."""
     config = TrainConfig(asset=str(file), task=task)
     cache = cache_folder()
     start = time.process_time()
@@ -52,7 +53,7 @@ def attempt(file: Path, task: str) -> dict[str, Any]:
 
 
 def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the share of accepted pairs among those that are operable, and of rejected ones."""
+    """Return the accepted share of operable pairs and the rejected share of the others."""
     out: dict[str, Any] = {"pairs": len(rows)}
     for operable, name in ((True, "accepted_of_operable"), (False, "rejected_of_others")):
         own = [row["accepted"] == operable for row in rows if row["operable"] == operable]
@@ -61,11 +62,11 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Attempt what is missing and print the agreement."""
+    """Evaluate the missing pairs and print the agreement."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
+    parser.add_argument("--data", type=Path, required=True, help="folder that contains assets.json")
     parser.add_argument("--out", type=Path, required=True, help="file of the results (JSON lines)")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     flags = parser.parse_args()
     entries = json.loads((flags.data / "assets.json").read_text(encoding="utf-8"))["assets"]
     paths = {entry["id"]: flags.data / entry["path"] for entry in entries}

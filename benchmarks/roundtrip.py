@@ -1,8 +1,9 @@
-"""URDFs written as programs and compiled back: do the links go the same ways?
+"""Convert URDFs to programs and back, and compare the poses of all links.
 
-python benchmarks/roundtrip.py $ARTICULATE_DATA --json
+python benchmarks/roundtrip.py data --json
 
-Yourdfpy judges both files: poses of every link at random joint states, relative to the root link.
+For both files, yourdfpy computes the pose of every link relative to the root link at random joint
+states.
 """
 
 from __future__ import annotations
@@ -28,18 +29,19 @@ from articulate.reconstruct.program.result import ProgramError
 from articulate.reconstruct.program.run import compile_program
 from articulate.transforms import Array, normalised
 
-CANDIDATES = 20
+JOINT_STATES = 20
+"""Number of random joint states of each object."""
 ALLOWED = 1e-6
 """Largest difference of an entry of a pose [m or 1]."""
 
 
 @dataclass(frozen=True)
 class Trip:
-    """What became of one object."""
+    """Result for one object."""
 
     id: str
     outcome: str
-    """``same``, ``different``, ``refused`` (by the reader, with its reason) or ``not compiled``."""
+    """``same``, ``different``, ``rejected`` by the reader of URDFs, or ``not compiled``."""
     error: float | None = None
     """Largest difference of an entry of a pose."""
     links: int = 0
@@ -55,7 +57,7 @@ def round_trip(object_id: str, urdf: Path, out: Path, rng: np.random.Generator) 
         source = decompile(urdf)
         found = compile_program(source, parts_of(urdf), out)
     except AssetError as error:
-        return Trip(object_id, "refused", message=str(error))
+        return Trip(object_id, "rejected", message=str(error))
     if isinstance(found, ProgramError):
         return Trip(object_id, "not compiled", message=str(found))
     seconds = time.perf_counter() - start
@@ -82,14 +84,17 @@ def read(path: Path) -> yourdfpy.URDF:
 
 
 def difference(one: yourdfpy.URDF, other: yourdfpy.URDF, rng: np.random.Generator) -> float:
-    """Largest difference of an entry of any link's pose over random states; inf if one lacks."""
+    """Return the largest difference of any entry of a link's pose over random joint states.
+
+    It is infinite if a link or a joint is missing.
+    """
     links = list(one.link_map)
     if set(links) != set(other.link_map) or one.base_link not in other.link_map:
         return float("inf")
     if set(one.actuated_joint_names) != set(other.actuated_joint_names):
         return float("inf")
     worst = 0.0
-    for _ in range(CANDIDATES):
+    for _ in range(JOINT_STATES):
         q = state(one, rng)
         poses = [poses_of(robot, links, one.base_link, q) for robot in (one, other)]
         worst = max(worst, float(np.abs(poses[0] - poses[1]).max()))
@@ -109,18 +114,18 @@ def state(robot: yourdfpy.URDF, rng: np.random.Generator) -> dict[str, float]:
 
 
 def poses_of(robot: yourdfpy.URDF, links: list[str], base: str, q: Mapping[str, float]) -> Array:
-    """Poses (N, 4, 4) of ``links`` in ``base``."""
+    """Return the poses (N, 4, 4) of ``links`` in the frame of ``base`` [m]."""
     robot.update_cfg(dict(q))
     return np.array([robot.get_transform(link, base) for link in links])
 
 
 def main() -> None:
-    """All objects of ``assets.json`` that are URDFs, or every n-th."""
+    """Convert all URDFs of ``assets.json``, or every n-th, and print the result."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("data", type=Path, help="folder of assets.json and assets/")
-    parser.add_argument("--index", type=Path, help="assets.json, if it lies elsewhere")
-    parser.add_argument("--every", type=int, default=1, help="take every n-th object")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument("data", type=Path, help="folder that contains assets.json and assets/")
+    parser.add_argument("--index", type=Path, help="index of objects; by default DATA/assets.json")
+    parser.add_argument("--every", type=int, default=1, help="use every n-th object only")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     flags = parser.parse_args()
     index = flags.index or flags.data / "assets.json"
     entries = json.loads(index.read_text(encoding="utf-8"))["assets"]

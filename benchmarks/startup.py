@@ -1,9 +1,9 @@
-"""How long commands take to answer: ``--help`` of each verb, and importing the package.
+"""Measure the start of commands: ``--help`` of each command, and the import of the package.
 
-    .venv/bin/python benchmarks/startup.py [--json] [--times 7]
+    python benchmarks/startup.py [--json] [--times 7]
 
-Each is run in a process of its own, some times over; the shortest counts, for a busy machine only
-ever adds. Processor time is printed beside it.
+Each command runs several times in a separate process. The shortest time counts, because other load
+only adds time. Processor time is printed too.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from importlib import metadata
 from typing import Any
 
 
-def calls() -> dict[str, list[str]]:
-    """Return the commands that are run, by name."""
+def measured_commands() -> dict[str, list[str]]:
+    """Return the measured commands by name."""
     python = [sys.executable]
-    verbs = sorted(metadata.entry_points(group="articulate.commands").names)
+    commands = sorted(metadata.entry_points(group="articulate.commands").names)
     return {
         "python": [*python, "-c", "pass"],
         "import articulate": [*python, "-c", "import articulate"],
         "articulate --help": [*python, "-m", "articulate", "--help"],
-        **{f"{verb} --help": [*python, "-m", "articulate", verb, "--help"] for verb in verbs},
+        **{f"{name} --help": [*python, "-m", "articulate", name, "--help"] for name in commands},
     }
 
 
-def measured(call: list[str], times: int) -> dict[str, float]:
-    """Shortest wall-clock and processor time of ``call`` [s]."""
+def shortest_times(call: list[str], times: int) -> dict[str, float]:
+    """Return the shortest wall-clock and processor time of ``call`` [s]."""
     walls, cpus = [], []
     for _ in range(times):
         before, begin = os.times(), time.perf_counter()
@@ -48,17 +48,19 @@ def measured(call: list[str], times: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--times", type=int, default=7)
+    """Measure and print the times."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
+    parser.add_argument("--times", type=int, default=7, help="runs of each command")
     flags = parser.parse_args()
-    found: dict[str, Any] = {n: measured(call, flags.times) for n, call in calls().items()}
+    found: dict[str, Any] = {
+        n: shortest_times(call, flags.times) for n, call in measured_commands().items()
+    }
     if flags.json:
         print(json.dumps(found, indent=1))
         return
     for name, row in found.items():
-        print(f"{name:<20} {row['wall_s']:.3f} s, {row['cpu_s']:.3f} s of processor")
+        print(f"{name:<20} {row['wall_s']:.3f} s, {row['cpu_s']:.3f} s of processor time")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Broken files: a verdict or one line of each, and the end of a process is neither."""
+"""Each broken file gets a verdict or one line of error; a crash is neither."""
 
 import json
 import subprocess
@@ -29,16 +29,18 @@ def test_each_file_gets_a_row(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("code", "shown", "said"),
+    ("code", "report", "stderr"),
     [
         (3, {"verdict": "rejected", "reasons": ["a.urdf: its process ended with 1: KeyError"]}, ""),
         (2, None, "one\ntwo"),
         (1, None, "a bug"),
     ],
 )
-def test_what_is_no_clear_verdict(tmp_path, monkeypatch, code, shown, said):
-    out = json.dumps(shown) if shown else ""
-    done = subprocess.CompletedProcess([], code, stdout=out, stderr=said)
+def test_crashes_and_long_errors_are_not_clear(tmp_path, monkeypatch, code, report, stderr):
+    out = json.dumps(report) if report else ""
+    done = subprocess.CompletedProcess([], code, stdout=out, stderr=stderr)
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-    row = broken.checked({"id": "a", "expected": "refuse"}, tmp_path / "a.urdf", tmp_path / "out")
+    row = broken.check_file(
+        {"id": "a", "expected": "refuse"}, tmp_path / "a.urdf", tmp_path / "out"
+    )
     assert not row["clear"]
