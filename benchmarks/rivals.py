@@ -1,15 +1,15 @@
-"""What other converters make of the same objects, judged by the same proof.
+"""Compare this converter with other tools on the same objects, by the same checks.
 
-python benchmarks/rivals.py --checked /tmp/checked --data ../shared/data --tools /tmp/tools \
-    --out /tmp/rivals --count 40 --json
+python benchmarks/rivals.py --checked checked --data data --tools tools --out rivals \
+    --count 30 --json
 
-``--tools`` holds an environment for each tool (``python3.11 -m venv /tmp/tools/simcheck`` and
+``--tools`` contains a virtual environment for each tool (``python3.11 -m venv tools/simcheck`` and
 ``pip install`` in it: urdf2mjcf 0.2.39, urdf-to-mjcf 0.1.1, simcheck 0.2.0). Each tool gets a copy
-of the object's folder. What it makes is scaled to metres, put where our asset stands and proven
-with our asset's joints and handles, without comparing it with the input; free joints at the root
-and floors are taken away, and neither what is seen nor limits and inertia in our own files count.
-All but this is left as the tool wrote it. Each tool and object runs in a process of its own; its
-row is noted in ``--out``, and a second run goes on from there.
+of the object's folder. Its output is scaled to metres, placed like our asset, and checked with the
+joints and handles of our asset. Free joints at the root and floors are removed; the rest stays as
+the tool wrote it. Checks that compare with the input or with our files do not count. Each tool and
+object runs in a separate process, and its row is written to ``--out``; rows that exist are not
+measured again.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ from assets import items_of
 
 LIMIT_S = 120.0
 """A tool that takes longer on one object is stopped [s]."""
-PROOF_LIMIT_S = 600.0
-"""Time for the tool and the proof of one object together [s]; what takes longer is not good."""
+TOTAL_LIMIT_S = 600.0
+"""Time limit of the tool and the checks of one object together [s]; more is not good."""
 SEED = 1
-"""Of the order in which objects are taken."""
+"""Seed of the order of the objects."""
 NOT_COUNTED = frozenset({"joint_limits", "collision_coverage", "inertia"})
-"""Clauses that compare with our own files or with what is seen do not count for anyone here."""
+"""Checks that compare with our files or with visual meshes do not count for any tool."""
 TOOL_FILES = "tool_files"
 """Folder of the meshes and textures of a tool, below the asset folder."""
 BARE = "no collision shapes"
-"""Stands for a part that nothing can touch: nothing would be in its way, and no hand could pull."""
+"""Failure of a part without collision shapes: nothing blocks it, and no gripper could pull it."""
 FLAGS = (
     '<mujoco><compiler discardvisual="false" fusestatic="false" strippath="false" '
     'balanceinertia="true" boundmass="0.001" boundinertia="1e-6" inertiafromgeom="auto"/></mujoco>'
@@ -67,23 +67,23 @@ FLAGS = (
 
 @dataclass(frozen=True)
 class ToolResult:
-    """What a tool made of an object, as a file that MuJoCo reads, or why there is none."""
+    """File that a tool wrote and MuJoCo reads, or the reason why there is none."""
 
     path: Path | None
     reason: str = ""
 
 
 Tool = Callable[[Path, Path], ToolResult]
-"""From the URDF in a folder that may be written to, and the folder of environments."""
+"""Function of a URDF in a writable folder, and of the folder of virtual environments."""
 
 
 def unmodified(urdf: Path, _: Path) -> ToolResult:
-    """MuJoCo's own reader."""
+    """Read the URDF with MuJoCo."""
     return ToolResult(urdf)
 
 
 def with_flags(urdf: Path, _: Path) -> ToolResult:
-    """MuJoCo's own reader with compiler settings."""
+    """Read the URDF with MuJoCo and compiler settings."""
     text = urdf.read_text(encoding="utf-8", errors="replace")
     at = text.find(">", text.find("<robot")) + 1
     out = urdf.with_name("with_flags.urdf")
@@ -131,22 +131,20 @@ def _run(command: list[str | Path], out: Path) -> ToolResult:
     if out.is_file():
         return ToolResult(out)
     lines = (done.stderr or done.stdout).strip().splitlines()
-    return ToolResult(
-        None, f"exit {done.returncode}: {lines[-1] if lines else 'it said nothing'}"[:300]
-    )
+    return ToolResult(None, f"exit {done.returncode}: {lines[-1] if lines else 'no output'}"[:300])
 
 
-def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
+def wrap_model(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
     """Write an asset folder around the model at ``path``, with the joints and handles of ``asset``.
 
     Args:
         path: MJCF or URDF in units of the input.
         asset: Our asset of the same object.
-        frame: How units of the input become the frame of ``asset``.
+        frame: Transform from the units of the input to the frame of ``asset``.
         out: Folder to write.
 
     Raises:
-        AssetError: MuJoCo refuses it.
+        AssetError: MuJoCo cannot read it.
     """
     try:
         saved = path.with_name(f"{path.stem}_saved.xml")
@@ -154,7 +152,7 @@ def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
         spec = mujoco.MjSpec.from_file(str(saved))
         meshes = (path.parent / spec.meshdir).resolve()
         for geom in [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]:
-            spec.delete(geom)  # a floor, which is no part of the object
+            spec.delete(geom)  # a floor is not part of the object
         _scale(spec, frame.scale)
         shutil.copytree(asset.folder, out)
         folder = out.resolve() / TOOL_FILES
@@ -177,7 +175,7 @@ def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
 
 
 def _scale(spec: Any, s: float) -> None:
-    """Make every length ``s`` times as long; densities stay."""
+    """Scale every length by ``s`` at the same density."""
     for mesh in spec.meshes:
         mesh.scale = np.asarray(mesh.scale) * s
     for body in spec.bodies:
@@ -199,9 +197,9 @@ def _scale(spec: Any, s: float) -> None:
 
 
 def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
-    """Write ``text`` with everything in one body called ``root``; names of its bodies."""
+    """Write ``text`` with everything in one body ``root``, and return the names of its bodies."""
     tree = etree.fromstring(text.encode())
-    _cleared(tree)
+    _remove_extras(tree)
     for body in list(tree.iter("body")):
         if body.get("name") == root:
             body.set("name", f"{root}__")
@@ -213,24 +211,24 @@ def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
     quat = " ".join(f"{x:.12g}" for x in matrix_to_quat(frame.T_os[:3, :3]))
     pos = " ".join(f"{x:.12g}" for x in frame.T_os[:3, 3])
     top = etree.Element("body", name=root)
-    stand = etree.SubElement(top, "body", name=f"{root}__stand", pos=pos, quat=quat)
+    base = etree.SubElement(top, "body", name=f"{root}__base", pos=pos, quat=quat)
     for child in list(world):
-        stand.append(child)
+        base.append(child)
     world.append(top)
     path.write_bytes(etree.tostring(tree))
     return {str(b.get("name")) for b in tree.iter("body")}
 
 
-def _cleared(tree: Any) -> None:
-    """Take away what is no part of the object: free joints, and what drives or measures.
+def _remove_extras(tree: Any) -> None:
+    """Remove elements that are not part of the object: free joints, actuators and sensors.
 
-    Where a body that was free begins says nothing of the object: it is put back to the origin.
+    The start pose of a free body does not belong to the object either: it is set to the origin.
     """
-    away = [
+    extras = [
         *tree.iter("freejoint", "keyframe", "actuator", "sensor"),
         *(joint for joint in tree.iter("joint") if joint.get("type") == "free"),
     ]
-    for element in away:
+    for element in extras:
         body = element.getparent()
         body.remove(element)
         if element.tag in ("freejoint", "joint"):
@@ -239,7 +237,7 @@ def _cleared(tree: Any) -> None:
 
 
 def cavities_min(check_report: CheckReport) -> float | None:
-    """Least share of a cavity that is open, over the links that have one."""
+    """Return the smallest free share of a cavity; None without cavities."""
     found = [
         c.measured for c in check_report.checks if c.name == "cavities" and c.measured is not None
     ]
@@ -254,7 +252,7 @@ def row_of(
     took_s: float,
     bare: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Return the record of one object and tool."""
+    """Return the row of one object and tool."""
     checks = [c for c in check_report.checks if c.outcome == "failed"] if check_report else []
     checks = [c for c in checks if c.name not in NOT_COUNTED]
     failed = sorted({c.name for c in checks} | ({BARE} if bare else set()))
@@ -276,7 +274,7 @@ def row_of(
 
 
 def bare_parts(asset: Asset) -> tuple[str, ...]:
-    """Links that move and have nothing that collides, with all that is fixed to them."""
+    """Return the moving links that have no collision shape, fixed parts included."""
     model = mujoco.MjModel.from_xml_path(str(asset.folder / "object.xml"))
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     solid = {int(model.body_weldid[body]) for body in model.geom_bodyid[touches]}
@@ -284,10 +282,13 @@ def bare_parts(asset: Asset) -> tuple[str, ...]:
     return tuple(n for n in links if int(model.body_weldid[model.body(n).id]) not in solid)
 
 
-def judged(
-    tool: str, name: str, source: Path, ours: Path, tools: Path, wrote: Path
+def check_tool(
+    tool: str, name: str, source: Path, ours: Path, tools: Path, written: Path
 ) -> dict[str, Any]:
-    """Run one tool on one object and prove what it made; ``wrote`` is there once it made a file."""
+    """Run one tool on one object and check its output.
+
+    The file ``written`` is created as soon as the tool has written a model.
+    """
     with tempfile.TemporaryDirectory(prefix="rivals-") as temporary:
         copy = Path(temporary) / "input" / source.parent.name
         shutil.copytree(source.parent, copy)
@@ -296,11 +297,11 @@ def judged(
         took = time.perf_counter() - start
         if made.path is None:
             return row_of(name, made, None, made.reason, took)
-        wrote.touch()
+        written.touch()
         config = ConvertConfig()
         frame = origin_of_reading(read_input(source, config), config).frame
         try:
-            asset = adopted(made.path, load_asset(ours), frame, Path(temporary) / "asset")
+            asset = wrap_model(made.path, load_asset(ours), frame, Path(temporary) / "asset")
         except AssetError as error:
             return row_of(name, made, None, str(error), took)
         check_report = run_checks(asset)
@@ -309,15 +310,15 @@ def judged(
 
 
 def ours(name: str, folder: Path) -> dict[str, Any]:
-    """Return the record of this project's conversion, checked again without its input."""
+    """Return the row of this project's conversion, checked again without its input."""
     start = time.perf_counter()
     check_report = run_checks(load_asset(folder))
     return row_of(name, ToolResult(folder), check_report, "", time.perf_counter() - start)
 
 
-def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
+def summarize(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
     """Sum the counts over the objects of one tool."""
-    opennesses = sorted(r["cavities_min"] for r in rows if r["cavities_min"] is not None)
+    shares = sorted(r["cavities_min"] for r in rows if r["cavities_min"] is not None)
     return {
         "objects": len(rows),
         "made": sum(r["made"] for r in rows),
@@ -325,7 +326,7 @@ def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
         "good": sum(r["good"] for r in rows),
         "joints": joints,
         "joints_opened": sum(r["opened"] for r in rows),
-        "cavities_min_median": opennesses[len(opennesses) // 2] if opennesses else None,
+        "cavities_min_median": shares[len(shares) // 2] if shares else None,
         "failed_by": dict(Counter(c for r in rows for c in r["failed"]).most_common()),
         "seconds_median": sorted(r["seconds"] for r in rows)[len(rows) // 2] if rows else None,
     }
@@ -340,55 +341,60 @@ class Job:
     source: Path
     checked: Path
     tools: Path
-    note: Path
-    """Where its row goes."""
+    row_path: Path
+    """File of the row."""
 
     def run(self) -> None:
-        """Make, prove and note the row; in a process of its own."""
+        """Measure and write the row, in the current process."""
         folder = self.checked / self.name
         if self.tool == "ours":
             row = ours(self.name, folder)
         else:
-            row = judged(self.tool, self.name, self.source, folder, self.tools, self.wrote)
-        write_json(self.note, row)
+            row = check_tool(self.tool, self.name, self.source, folder, self.tools, self.written)
+        write_json(self.row_path, row)
 
     @property
-    def wrote(self) -> Path:
-        """Stands beside the row as soon as the tool has made a file, proven or not."""
-        return self.note.with_suffix(".wrote")
+    def written(self) -> Path:
+        """Path of the file that exists as soon as the tool has written a model."""
+        return self.row_path.with_suffix(".written")
 
     def row(self) -> dict[str, Any]:
-        """Return the earlier run's row, or make it; crashes and exceeded limits are rows too."""
-        if not self.note.is_file():
+        """Return the row, measured in a separate process unless it exists.
+
+        Crashes and exceeded limits are rows too.
+        """
+        if not self.row_path.is_file():
             process = multiprocessing.get_context("forkserver").Process(target=self.run)
             start = time.perf_counter()
             process.start()
-            process.join(PROOF_LIMIT_S)
+            process.join(TOTAL_LIMIT_S)
             if process.is_alive():
                 process.kill()
                 process.join()
-            if not self.note.is_file():
+            if not self.row_path.is_file():
                 took = time.perf_counter() - start
-                reason = f"exit {process.exitcode} after {took:.0f} s, no proof"
-                made = ToolResult(self.wrote if self.wrote.is_file() else None)
-                write_json(self.note, row_of(self.name, made, None, reason, took))
-        row: dict[str, Any] = json.loads(self.note.read_text(encoding="utf-8"))
+                reason = f"exit {process.exitcode} after {took:.0f} s, not checked"
+                made = ToolResult(self.written if self.written.is_file() else None)
+                write_json(self.row_path, row_of(self.name, made, None, reason, took))
+        row: dict[str, Any] = json.loads(self.row_path.read_text(encoding="utf-8"))
         return row
 
 
 def main() -> int:
     """Run the tools on a sample of the objects and print the sums."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
-        "--checked", type=Path, required=True, help="folder of benchmarks/assets.py"
+        "--checked", type=Path, required=True, help="output folder of benchmarks/assets.py"
     )
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--tools", type=Path, required=True)
+    parser.add_argument("--data", type=Path, required=True, help="folder that contains assets.json")
+    parser.add_argument("--tools", type=Path, required=True, help="folder of virtual environments")
     parser.add_argument("--out", type=Path, required=True, help="folder of the rows")
-    parser.add_argument("--only", nargs="*", default=tuple(TOOLS), choices=tuple(TOOLS))
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    parser.add_argument(
+        "--only", nargs="*", default=tuple(TOOLS), choices=tuple(TOOLS), help="other tools"
+    )
+    parser.add_argument("--count", type=int, default=40, help="number of objects")
+    parser.add_argument("--jobs", type=int, default=2, help="objects at the same time")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     flags = parser.parse_args()
     sources = {
         item.name: item.file
@@ -401,24 +407,24 @@ def main() -> int:
     joints = sum(len(load_asset(flags.checked / n).joints) for n in names)
     rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
 
-    def one(job: Job) -> None:
+    def measure(job: Job) -> None:
         row = job.row()
         rows[job.tool].append(row)
         text = f"{job.tool:18s} {job.name} {row['good']} {row['reason'][:140]}"
         print(text, file=sys.stderr, flush=True)
 
-    todo = [
+    jobs = [
         Job(tool, n, sources[n], flags.checked, flags.tools, flags.out / tool / f"{n}.json")
         for n in names
         for tool in ("ours", *flags.only)
     ]
-    for job in todo:
-        job.note.parent.mkdir(parents=True, exist_ok=True)
+    for job in jobs:
+        job.row_path.parent.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(flags.jobs) as pool:
-        list(pool.map(one, todo))
+        list(pool.map(measure, jobs))
     result = {
         "ids": names,
-        "tools": {tool: summed(found, joints) for tool, found in rows.items()},
+        "tools": {tool: summarize(found, joints) for tool, found in rows.items()},
         "rows": {tool: sorted(found, key=lambda r: str(r["id"])) for tool, found in rows.items()},
     }
     print(json.dumps(result, indent=1 if flags.json else None))

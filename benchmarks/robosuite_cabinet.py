@@ -1,10 +1,9 @@
-"""The rival of ``training.py``: the same cabinet in a plain robosuite environment.
+"""Plain robosuite environment with the cabinet of ``training.py``, for comparison.
 
-Nothing here is used by the packages. The environment is what a user of robosuite 1.5.2 would
-write after its ``Door``: a Panda with robosuite's own JOINT_POSITION controller at its default
-settings, its observables, its physics (2 ms, elliptic cone) and its loop, cameras and renderers
-off. The cabinet comes with its collision geometry, inertias, limits and friction, and without
-visual meshes, which spares robosuite their compilation at every hard reset.
+The environment follows ``Door`` of robosuite 1.5.2: a Panda with robosuite's JOINT_POSITION
+controller at its default settings, its observables, its physics (2 ms, elliptic cone) and its loop,
+without cameras and renderers. The cabinet has its collision geometry, inertias, limits and
+friction. It has no visual meshes, which robosuite would compile at every hard reset.
 """
 
 from __future__ import annotations
@@ -36,13 +35,13 @@ from articulate.simulator import mujoco
 Array = NDArray[np.float64]
 Vector = NDArray[np.float32]
 CONTROL_HZ = 20
-"""Control steps in a second, robosuite's own default."""
+"""Control steps in a second, the default of robosuite."""
 NAME = "cabinet"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fixture:
-    """What stands before the arm, and what is to be opened."""
+    """Object before the arm, and the joint to open."""
 
     model_path: Path
     """MJCF or URDF that MuJoCo reads; its root is fixed."""
@@ -57,11 +56,11 @@ class Fixture:
     open: float
     """Position in which it is open [m or rad]."""
     pos_w: tuple[float, float, float] = (0.92, 0.0, 0.2)
-    """Place of the object, the arm's base at the origin [m]."""
+    """Position of the object in the frame of the arm's base [m]."""
     yaw_rad: float = 0.0
-    """Turn of the object about the vertical [rad]."""
+    """Rotation of the object about the vertical [rad]."""
     start_q: tuple[float, ...] = PANDA.home
-    """Start pose of the arm (7,) [rad]; robosuite adds its own noise."""
+    """Start pose of the arm (7,) [rad]; robosuite adds noise."""
 
 
 def fixture_of(
@@ -113,8 +112,8 @@ def make_env(fixture: Fixture, horizon: int = 200) -> gymnasium.Env[Vector, Vect
 class FlatEnv(gymnasium.Env[Vector, Vector]):
     """robosuite's proprioception and object state as one vector, for Stable-Baselines3.
 
-    robosuite's own ``GymWrapper`` warns of its float64 bounds and tells the end of the horizon
-    as a terminal state.
+    robosuite's ``GymWrapper`` warns of its float64 bounds and reports the end of the horizon as a
+    terminal state.
     """
 
     keys = ("object-state", "robot0_proprio-state")
@@ -129,14 +128,14 @@ class FlatEnv(gymnasium.Env[Vector, Vector]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Vector, dict[str, object]]:
-        """Build the model anew, as robosuite does by default, and start an episode."""
+        """Rebuild the model, as robosuite does by default, and start an episode."""
         super().reset(seed=seed)
         if seed is not None:
             self.env.rng = np.random.default_rng(seed)
         return self._flat(self.env.reset()), {}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, object]]:
-        """One control step; the environment itself ends episodes at its horizon only."""
+        """Advance by one control step; episodes end at the horizon only."""
         obs, reward, done, info = self.env.step(action)
         return self._flat(obs), reward, False, done, info
 
@@ -149,7 +148,7 @@ class FlatEnv(gymnasium.Env[Vector, Vector]):
 
 
 class CabinetObject(MujocoXMLObject):  # type: ignore[misc]  # robosuite has no types
-    """The fixture as robosuite's kind of object."""
+    """Fixture as an object of robosuite."""
 
     def __init__(self, fixture: Fixture) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -160,7 +159,7 @@ class CabinetObject(MujocoXMLObject):  # type: ignore[misc]  # robosuite has no 
 
 
 class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no types
-    """Open one joint of a cabinet, in the manner of robosuite's ``Door``."""
+    """Open one joint of a cabinet, like ``Door`` of robosuite."""
 
     def __init__(self, fixture: Fixture, **kwargs: object) -> None:
         self.fixture = fixture
@@ -169,10 +168,10 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
         super().__init__(initialization_noise="default", **kwargs)
 
     def reward(self, action: Array | None = None) -> float:
-        """Dense: 0.25 for reaching the handle, 0.75 for the open fraction; 1 when open."""
+        """Return 0.25 for reaching the handle plus 0.75 for the open fraction, or 1 when open."""
         if self._check_success():
             return 1.0
-        distance = np.linalg.norm(self._handle_pos() - self._hand_pos())
+        distance = np.linalg.norm(self._handle_pos() - self._gripper_pos())
         return float(0.25 * (1.0 - np.tanh(10.0 * distance)) + 0.75 * self._open_fraction())
 
     def _open_fraction(self) -> float:
@@ -186,7 +185,7 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
     def _handle_pos(self) -> Array:
         return np.array(self.sim.data.site_xpos[self.handle_site_id])
 
-    def _hand_pos(self) -> Array:
+    def _gripper_pos(self) -> Array:
         return np.array(self.sim.data.site_xpos[self.robots[0].eef_site_id["right"]])
 
     def _load_model(self) -> None:
@@ -203,7 +202,7 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
             mujoco_robots=[robot.robot_model for robot in self.robots],
             mujoco_objects=self.cabinet,
         )
-        for exclude in self.cabinet.contact:  # a task takes bodies and assets of an object only
+        for exclude in self.cabinet.contact:  # a task copies only bodies and assets of an object
             self.model.contact.append(exclude)
 
     def _setup_references(self) -> None:
@@ -222,7 +221,7 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
 
         @sensor(modality="object")  # type: ignore[untyped-decorator]
         def handle_to_eef_pos(_: object) -> Array:
-            return self._handle_pos() - self._hand_pos()
+            return self._handle_pos() - self._gripper_pos()
 
         @sensor(modality="object")  # type: ignore[untyped-decorator]
         def joint_pos(_: object) -> Array:
@@ -242,8 +241,8 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
 def object_xml(model: mujoco.MjModel, fixture: Fixture) -> str:
     """Return the MJCF that ``MujocoXMLObject`` expects, from a compiled fixture.
 
-    Defaults are resolved by the compilation, which robosuite would drop; geoms that touch
-    nothing are left out.
+    Compilation resolves the defaults, which robosuite would drop. Geoms without contacts are
+    omitted.
     """
     root = ET.Element("mujoco", model=NAME)
     asset = ET.SubElement(root, "asset")

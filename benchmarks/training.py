@@ -1,18 +1,17 @@
-"""Throughput of whole training, ours against a plain robosuite environment.
+"""Compare the throughput of full training with that of a plain robosuite environment.
 
     python benchmarks/training.py --json
 
-Both sides train PPO from Stable-Baselines3 on the embedded cabinet: same drawer, same place,
-same network, rollout, batch and epochs, one torch thread, no imitation phase.
-Ours runs its native threads; robosuite runs in ``SubprocVecEnv`` (forkserver) with each of
-``--workers`` processes in turn, and the best of them goes on. Then blocks alternate, ours,
-robosuite, ours, robosuite, so that what else the machine does hits both. A block is a whole number
-of updates, so that physics, observations, rewards, resets, transfer, policy and gradient steps all
-count. Numba and page caches are warmed up before the clock starts.
+Both sides train PPO from Stable-Baselines3 on the embedded cabinet: same drawer, same placement,
+same network, rollout, batch and epochs, one torch thread, no imitation phase. Ours uses threads.
+robosuite runs in ``SubprocVecEnv`` (forkserver), with the fastest number of processes of
+``--workers``. Blocks of ours and of robosuite alternate, so that other load affects both. A block
+consists of complete updates: physics, observations, rewards, resets, transfer, policy and gradient
+steps. Numba and page caches are warmed up before the measurement.
 
-Run it on a machine that does nothing else: workers that wait for each other at every step suffer
-more from other work than threads do. ``load_before`` says whether it was idle, and
-``cpu_ms_per_step`` compares processor time, which other work changes less.
+Run it on an idle machine: other load slows worker processes, which synchronize at every step, more
+than threads. ``load_before`` is the load at the start. ``cpu_ms_per_step`` compares processor time,
+which depends less on other load.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy and torch
@@ -50,15 +49,15 @@ from articulate_train.run import create_run
 from robosuite_cabinet import CONTROL_HZ, Fixture, fixture_of, make_env
 
 WARM_UP_STEPS = 20
-"""Steps of each robosuite environment before the clock starts; numba compiles in the first ones."""
+"""Steps of each robosuite environment before the measurement; numba compiles in the first."""
 ENDLESS_STEPS = 1_000_000_000
-"""Steps that our training believes to have ahead, so that it stays at its first curriculum."""
+"""Configured steps of our training, so many that its schedules stay at their beginning."""
 PACKAGES = ("mujoco", "robosuite", "stable_baselines3", "torch", "numpy", "gymnasium")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What both sides have in common."""
+    """Settings that both sides share."""
 
     rollout: int
     """Environment steps in an update."""
@@ -71,22 +70,22 @@ class Settings:
     activation: str
     """Name of the activation in ``torch.nn``."""
     gamma: float
-    """Discount; also that of the reward's normalisation."""
+    """Discount, also of the reward normalization."""
     horizon: int
     """Control steps in an episode."""
     joint: str
-    """What is to be opened."""
+    """Joint to open."""
     our_envs: int
-    """Environments of ours; robosuite has one in each worker."""
+    """Number of our environments; robosuite has one in each worker."""
     our_steps: int
-    """Control steps of a seed of ours in a training."""
+    """Control steps of a seed in our training."""
     our_physics_step_s: float
-    """Our physics step [s], the one that is shipped; robosuite's is 0.002."""
+    """Our default physics step [s]; robosuite's is 0.002."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """One timed stretch of training."""
+    """Measured block of training."""
 
     steps: int
     """Environment steps."""
@@ -102,23 +101,23 @@ class Block:
 
 
 class Side(Protocol):
-    """Something that trains."""
+    """Training of one side of the comparison."""
 
     def update(self) -> int:
-        """Collect a rollout and learn from it; the number of environment steps."""
+        """Collect a rollout, update on it, and return the number of environment steps."""
         ...
 
     def workers(self) -> list[int]:
-        """Ids of its worker processes."""
+        """Return the ids of the worker processes."""
         ...
 
     def close(self) -> None:
-        """End its processes or threads."""
+        """Stop the processes or threads."""
         ...
 
 
 def measure(side: Side, seconds: float) -> Block:
-    """Run updates for ``seconds``, at least one."""
+    """Measure updates for at least ``seconds`` [s] and at least one update."""
     processes = [os.getpid(), *side.workers()]
     steps, cpu, start = 0, processor_time(processes), time.perf_counter()
     while True:
@@ -130,23 +129,23 @@ def measure(side: Side, seconds: float) -> Block:
 
 
 def processor_time(processes: list[int]) -> float:
-    """User and system time that the processes have used so far [s] (Linux)."""
-    ticks = 0
+    """Return the user and system time of the processes so far [s] (Linux)."""
+    jiffies = 0
     for process in processes:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        ticks += int(fields[11]) + int(fields[12])
-    return ticks / os.sysconf("SC_CLK_TCK")
+        jiffies += int(fields[11]) + int(fields[12])
+    return jiffies / os.sysconf("SC_CLK_TCK")
 
 
 class OurSide:
-    """A seed's training as ``train`` runs it, one update at a time."""
+    """Training of one seed as in ``train``, one update at a time."""
 
     def __init__(self, scene: Scene, config: TrainConfig, threads: int) -> None:
         self.learner, self.threads = Learner(scene, config, seed=0, threads=threads), threads
         self.steps = config.ppo.n_envs * config.ppo.n_steps
 
     def update(self) -> int:
-        """Collect a rollout and learn from it; the number of environment steps."""
+        """Collect a rollout, update on it, and return the number of environment steps."""
         self.learner.run(lambda _: False)
         self.learner.envs.finished.clear()
         return self.steps
@@ -173,24 +172,21 @@ class OurSide:
         return config.imitation.is_active(self.learner.model.num_timesteps / config.steps)
 
     def workers(self) -> list[int]:
-        """None: it runs in threads."""
+        """Return no ids: it uses threads."""
         return []
 
     def close(self) -> None:
-        """End the threads of the engine."""
+        """Stop the threads of the engine."""
         self.learner.close()
 
 
 def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fixture, Settings]:
-    """Ours, ready to train on the embedded cabinet, and what robosuite is to have in common.
-
-    This is the only place that knows the training package.
-    """
+    """Return our training on the embedded cabinet, and fixture and settings for robosuite."""
     urdf = embedded_cabinet(folder / "urdf")
-    asked = read_yaml(find_config(preset)) if preset else {}
-    asked |= {"asset": str(urdf), "seeds": [0]}
-    our_steps = load_config(TrainConfig, asked).steps
-    config = load_config(TrainConfig, asked | {"steps": ENDLESS_STEPS})
+    values = read_yaml(find_config(preset)) if preset else {}
+    values |= {"asset": str(urdf), "seeds": [0]}
+    our_steps = load_config(TrainConfig, values).steps
+    config = load_config(TrainConfig, values | {"steps": ENDLESS_STEPS})
     run = create_run(config, folder / "run", folder / "cache")
     settings = Settings(
         rollout=config.ppo.n_envs * config.ppo.n_steps,
@@ -247,39 +243,39 @@ class RobosuiteSide:
         )
 
     def update(self) -> int:
-        """Collect a rollout and learn from it; the number of environment steps."""
+        """Collect a rollout, update on it, and return the number of environment steps."""
         self.model.learn(self.steps, reset_num_timesteps=False)
         return self.steps
 
     def workers(self) -> list[int]:
-        """Ids of the worker processes."""
+        """Return the ids of the worker processes."""
         return [process.pid for process in self.processes]
 
     def close(self) -> None:
-        """End the worker processes."""
+        """Stop the worker processes."""
         self.envs.close()
 
 
 def best_workers(
     fixture: Fixture, settings: Settings, counts: list[int]
 ) -> tuple[int, dict[int, float]]:
-    """Find robosuite's fastest number of workers, and the rate of each number [steps/s]."""
+    """Return robosuite's fastest number of workers, and the rate of each number [steps/s]."""
     rates = {}
     for workers in counts:
         side = RobosuiteSide(fixture, settings, workers)
         rates[workers] = measure(side, seconds=0.0).rate
         side.close()
-        _tell(f"robosuite, {workers} workers: {rates[workers]:.0f} steps/s")
+        _log(f"robosuite, {workers} workers: {rates[workers]:.0f} steps/s")
     return max(rates, key=lambda workers: rates[workers]), rates
 
 
 def compare(args: argparse.Namespace) -> dict[str, Any]:
-    """Run the measurement; return the content of ``--json``."""
+    """Run the measurement and return the content of ``--json``."""
     torch.set_num_threads(1)
     load_before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
         imitating, fixture, settings = prepare(Path(folder), args.preset, args.threads)
-        ours = imitating.without_imitation()  # as on the side of robosuite
+        ours = imitating.without_imitation()  # like robosuite
         imitating.close()
         workers, search = best_workers(fixture, settings, args.workers)
         theirs = RobosuiteSide(fixture, settings, workers)
@@ -289,7 +285,7 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
             for name, side in (("ours", ours), ("robosuite", theirs)):
                 block = measure(side, args.seconds)
                 blocks[name].append(block)
-                _tell(f"{name}: {block.rate:.0f} steps/s over {block.seconds:.0f} s")
+                _log(f"{name}: {block.rate:.0f} steps/s over {block.seconds:.0f} s")
         ours.close()
         theirs.close()
     rate, cpu_ms = {}, {}
@@ -317,17 +313,23 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _tell(line: str) -> None:
+def _log(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print the result."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--json", action="store_true", help="print the whole result as JSON")
-    parser.add_argument("--seconds", type=float, default=25.0, help="shortest length of a block")
-    parser.add_argument("--rounds", type=int, default=2, help="blocks of each side")
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 3, 4])
+    parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
+    parser.add_argument("--seconds", type=float, default=25.0, help="minimum length of a block [s]")
+    parser.add_argument("--rounds", type=int, default=2, help="number of blocks of each side")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        nargs="+",
+        default=[1, 2, 3, 4],
+        help="numbers of robosuite processes to try",
+    )
     parser.add_argument(
         "--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads of our engine"
     )

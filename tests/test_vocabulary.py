@@ -23,6 +23,8 @@ PACKAGES = (
     "train/articulate_train",
     "deploy/articulate_deploy",
 )
+OTHER_PLACES = ("benchmarks", "tests/benchmarks", "docs", "README.md", "CONTRIBUTING.md")
+"""Other files and folders that use the vocabulary."""
 
 NAME_WORDS = set(
     re.findall(
@@ -243,7 +245,7 @@ def array_functions() -> tuple[int, int, list[str]]:
     return total, good, missing
 
 
-@pytest.mark.parametrize("place", [*PACKAGES, "docs", "README.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize("place", [*PACKAGES, *OTHER_PLACES])
 def test_names_and_texts_use_the_terms_of_the_field(place: str) -> None:
     found = findings(ROOT / place)
     assert not found, "\n".join(map(str, found[:20]))

@@ -1,4 +1,4 @@
-"""The physics of proven objects is compared with that of plain boxes, the first ten by id."""
+"""The physics of passed objects is compared with that of boxes, for the first ten by id."""
 
 from __future__ import annotations
 
@@ -62,5 +62,5 @@ def test_an_object_of_boxes_costs_what_boxes_cost(
         ("/tmp/kettle.xml: a scene with 8 free bodies, not one object", "unreadable"),
     ],
 )
-def test_reasons_are_counted_by_their_clause(reason: str, check: str) -> None:
+def test_reasons_are_counted_by_check(reason: str, check: str) -> None:
     assert assets.check_of(reason) == check

@@ -1,4 +1,4 @@
-"""Every kind of defect is planted, concerns what it names, and is counted as it was judged."""
+"""Every kind of defect is planted, names the parts it affects, and is counted by its result."""
 
 import json
 import shutil
@@ -31,7 +31,7 @@ def folder(tmp_path_factory, source):
 
 
 def damage(folder, copy, kind):
-    """What the defect concerns, and whether object.xml or a mesh differs from before."""
+    """Return the names that a defect affects, and whether object.xml or a mesh changed."""
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))
     names = planted.KINDS[kind].apply(planted.Damaged(copy, load_asset(copy), tree))
@@ -44,7 +44,7 @@ def damage(folder, copy, kind):
     return names, meshes or etree.tostring(tree, method="c14n") != before
 
 
-def test_every_kind_damages_a_cabinet_and_says_what_it_concerns(folder, tmp_path):
+def test_every_kind_damages_a_cabinet_and_returns_the_affected_names(folder, tmp_path):
     asset = load_asset(folder)
     known = {x.name for x in asset.links} | {x.name for x in asset.joints}
     for k, kind in enumerate(planted.KINDS):
@@ -66,11 +66,11 @@ def test_a_kind_that_does_not_apply_changes_nothing(folder, tmp_path):
     assert etree.tostring(tree) == before
 
 
-def test_clauses_that_name_a_kind_are_clauses_of_the_proof():
+def test_checks_that_name_a_kind_exist():
     assert {c for kind in planted.KINDS.values() for c in kind.named_by} <= set(CHECKS)
 
 
-def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
+def test_a_lost_link_is_rejected_and_named(folder, source, tmp_path):
     origin = origin_of_reading(read_input(source, CONFIG), CONFIG)
     names, check_report = defects.check_copy(folder, "link lost", tmp_path, origin)
     row = defects.row_of("link lost", names, check_report, 1.0)
@@ -89,15 +89,15 @@ def failed(name, subject):
     [
         ("joint_limits", "door_1", True),
         ("joint_limits", "door_11", False),  # another joint
-        ("opening", "door_1", False),  # another clause
+        ("opening", "door_1", False),  # another check
     ],
 )
-def test_a_defect_is_named_by_its_clause_and_its_joint(check, subject, named):
+def test_a_defect_is_named_by_its_check_and_its_joint(check, subject, named):
     row = defects.row_of("limits absent", ("door_1", "door"), failed(check, subject), 1.0)
     assert (row["found"], row["named"]) == (True, named)
 
 
-def test_sums_tell_missed_from_not_named_and_false_alarms():
+def test_sums_separate_missed_unnamed_and_false_alarms():
     def row(kind, checks, *, named=False):
         return {
             "kind": kind,
@@ -132,7 +132,7 @@ def test_sums_tell_missed_from_not_named_and_false_alarms():
     assert (result["assets"], result["complete"]) == (2, 0)
 
 
-def test_results_are_gone_on_with_after_a_kill(folder, source, tmp_path, monkeypatch):
+def test_results_are_continued_after_a_kill(folder, source, tmp_path, monkeypatch):
     monkeypatch.setattr(defects, "KINDS", {"link lost": planted.KINDS["link lost"]})
     path = defects.results_of(tmp_path, folder.name)
     first = {"kind": "untouched", "planted": True, "found": False}
@@ -144,7 +144,7 @@ def test_results_are_gone_on_with_after_a_kill(folder, source, tmp_path, monkeyp
     assert defects.read_results(path)[1]["found"]
 
 
-def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(folder, tmp_path):
+def test_the_largest_mesh_that_no_other_mesh_hides_is_damaged(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))

@@ -1,4 +1,4 @@
-"""The benchmark of the engine runs, and its limit does what the engine did."""
+"""The benchmark of the engine runs, and its replay ends in the states of the engine."""
 
 import json
 import os
@@ -23,7 +23,7 @@ FLAGS = (
 
 
 def printed(tmp_path, *flags):
-    """What the benchmark prints with few and short measurements."""
+    """Output of the benchmark with few and short measurements."""
     (tmp_path / "tiny.yaml").write_text(TINY)
     script = Path(__file__).parents[2] / "benchmarks" / "engine.py"
     preset = ["--preset", str(tmp_path / "tiny.yaml")]
@@ -40,7 +40,7 @@ def printed(tmp_path, *flags):
 
 
 @pytest.mark.slow  # 23 s; the engine itself is compared with others in test_single_engine
-def test_mj_step_alone_ends_where_the_engine_did(tmp_path):
+def test_the_replay_by_mj_step_ends_in_the_states_of_the_engine(tmp_path):
     """From the same states with the same controls."""
     result = printed(tmp_path, "--parts", "limit")
     assert result["replay_error"] < 1e-9

@@ -1,4 +1,4 @@
-"""The fuzzing tells verdicts from what must never happen."""
+"""The fuzzing separates verdicts from tracebacks, crashes, hangs and stray files."""
 
 import json
 import os
@@ -20,32 +20,32 @@ def mutant():
     return Mutant((), (), None, ".obj", ())
 
 
-def test_mutants_are_refused_or_proven_and_nothing_else_happens():
+def test_mutants_are_rejected_or_usable_and_nothing_else_happens():
     script = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
     command = [sys.executable, str(script), "--count", "8", "--only", "0", "2", "--jobs", "1"]
     done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
-    told = json.loads(done.stdout)
-    assert told["kinds"] == {"rejected": 1, "repaired": 1}
-    assert told["bad"] == []
+    result = json.loads(done.stdout)
+    assert result["kinds"] == {"rejected": 1, "repaired": 1}
+    assert result["bad"] == []
 
 
-def test_an_exception_that_is_not_ours_is_a_traceback(mutant, monkeypatch):
+def test_an_unexpected_exception_is_a_traceback(mutant, monkeypatch):
     monkeypatch.setattr(fuzz, "check_asset", lambda *_: 1 / 0)
     outcome = fuzz.outcome_of(3, mutant)
     assert (outcome.index, outcome.kind) == (3, "traceback")
     assert "ZeroDivisionError" in outcome.text
 
 
-def test_one_line_of_ours_is_an_error_and_two_are_not(mutant, monkeypatch):
-    def say(text):
+def test_an_error_of_one_line_is_expected_and_one_of_two_lines_is_not(mutant, monkeypatch):
+    def outcome_for(text):
         def check(*_):
             raise AssetError(text)
 
         monkeypatch.setattr(fuzz, "check_asset", check)
         return fuzz.outcome_of(0, mutant).kind
 
-    assert say("one line") == "error"
-    assert say("two\nlines") == "traceback"
+    assert outcome_for("one line") == "error"
+    assert outcome_for("two\nlines") == "traceback"
 
 
 def test_a_process_that_dies_is_a_crash_and_one_that_waits_hangs(mutant, monkeypatch):
@@ -56,7 +56,7 @@ def test_a_process_that_dies_is_a_crash_and_one_that_waits_hangs(mutant, monkeyp
     assert fuzz.outcome_of(0, mutant).kind == "hang"
 
 
-def test_a_file_outside_the_output_is_told(mutant, monkeypatch):
+def test_a_file_outside_the_output_is_reported(mutant, monkeypatch):
     monkeypatch.setattr(
         fuzz,
         "check_asset",

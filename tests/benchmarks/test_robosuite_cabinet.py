@@ -1,4 +1,4 @@
-"""The rival of the training benchmark runs, and its cabinet is ours."""
+"""The robosuite environment of the training benchmark runs with the same cabinet."""
 
 import importlib
 
@@ -11,12 +11,12 @@ from articulate.simulator import mujoco
 pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/install does that")
 
 
-rival = importlib.import_module("robosuite_cabinet")
+robosuite_cabinet = importlib.import_module("robosuite_cabinet")
 
 
 @pytest.fixture(scope="module")
 def fixture(tmp_path_factory):
-    return rival.Fixture(
+    return robosuite_cabinet.Fixture(
         model_path=embedded_cabinet(tmp_path_factory.mktemp("cabinet")),
         joint="drawer_0_slide",
         link="drawer_0",
@@ -28,12 +28,12 @@ def fixture(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def env(fixture):
-    env = rival.make_env(fixture, horizon=15)
+    env = robosuite_cabinet.make_env(fixture, horizon=15)
     yield env
     env.close()
 
 
-def test_it_runs_20_steps_over_the_end_of_an_episode(env):
+def test_20_steps_cross_the_end_of_an_episode(env):
     rng = np.random.default_rng(0)
     obs, _ = env.reset(seed=0)
     ends = []
@@ -50,7 +50,7 @@ def test_it_runs_20_steps_over_the_end_of_an_episode(env):
     assert env.action_space.shape == (8,)
 
 
-def test_it_has_the_settings_of_the_comparison(env):
+def test_the_environment_has_the_settings_of_the_comparison(env):
     raw = env.env
     assert raw.sim.model.opt.timestep == 0.002
     assert raw.control_freq == 20
@@ -61,7 +61,7 @@ def test_it_has_the_settings_of_the_comparison(env):
     assert type(controller).__name__ == "JointPositionController"
 
 
-def test_its_cabinet_is_the_one_of_the_file(env, fixture):
+def test_the_cabinet_equals_that_of_the_file(env, fixture):
     ours = mujoco.MjModel.from_xml_path(str(fixture.model_path))
     theirs = env.env.sim.model._model
     for name in ("drawer_0_slide", "drawer_1_slide", "drawer_2_slide"):

@@ -1,4 +1,4 @@
-"""The benchmark of whole training runs and prints what is asked of it."""
+"""The benchmark of full training runs and prints its result."""
 
 import json
 import os
@@ -16,7 +16,7 @@ ppo: {n_envs: 2, n_steps: 16, batch_size: 32, n_epochs: 1}
 
 
 @pytest.mark.slow
-def test_a_tiny_measurement_prints_the_ratio_and_what_it_comes_from(tmp_path):
+def test_a_tiny_measurement_prints_the_ratio_and_its_terms(tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
     script = Path(__file__).parents[2] / "benchmarks" / "training.py"
     flags = ["--seconds", "0", "--rounds", "1", "--workers", "1", "2", "--threads", "1"]
