@@ -1,9 +1,9 @@
-"""Adversarial actions through the safety filter, the set-point filter and the guard.
+"""Send adversarial actions through safety filter, set-point filter and force limiter.
 
 Sequences of targets that no policy should request: not finite, infinite, jumps over the range,
 oscillation at the largest step, random walks. Each target is held for 1 to 50 ms, and every second
-block skips the safety filter. The set points are compared with the limit table of the arm as the
-arm's controller does it, by backward differences over 1 ms. Each block is one line of ``--out``, so
+block skips the safety filter. The set points are compared with the limit table of the arm like in
+the arm's controller: by backward differences over 1 ms. Each block is one line of ``--out``, so
 the same command continues after an interruption.
 
     python benchmarks/adversarial_actions.py --actions 10000000 --out adversarial.jsonl
@@ -111,9 +111,11 @@ def summary(blocks: list[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Run the blocks that are missing and print the sums as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--actions", type=int, default=100_000)
-    parser.add_argument("--rows", type=int, default=400)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--actions", type=int, default=100_000, help="number of target poses")
+    parser.add_argument("--rows", type=int, default=400, help="number of arms simulated together")
     parser.add_argument("--out", type=Path, help="file of results, one line for each block")
     flags = parser.parse_args()
     blocks: list[dict[str, Any]] = []

@@ -1,9 +1,9 @@
-"""Check many objects: verdicts, reasons, times, and how the physics compares with plain boxes.
+"""Check many objects, and compare the time of their physics with that of plain boxes.
 
-python benchmarks/assets.py --data ../shared/data --out /tmp/checked --jobs 2 --json
+python benchmarks/assets.py --data data --out checked --jobs 2 --json
 
-The data folder holds ``assets.json`` with ``id``, ``path``, ``category`` and ``source`` of each
-object, and the objects below it, or beside it as ``assets.tar.xz``.
+The data folder contains ``assets.json`` with ``id``, ``path``, ``category`` and ``source`` of each
+object, and the objects as files or in ``assets.tar.xz``. Verdicts, reasons and times are printed.
 """
 
 from __future__ import annotations
@@ -168,11 +168,15 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> int:
     """Check the objects; print a line for each and a summary."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--cache", type=Path)
-    parser.add_argument("--jobs", type=int, default=2)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, required=True, help="folder that contains assets.json")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder of the asset folders and of the result"
+    )
+    parser.add_argument("--cache", type=Path, help="cache folder")
+    parser.add_argument("--jobs", type=int, default=2, help="objects checked at the same time")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds for one object")
     parser.add_argument("--ids", nargs="*", default=(), help="these objects only, in this order")
     parser.add_argument("--minutes", type=float, help="stop then, and report what is done")

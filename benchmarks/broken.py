@@ -46,7 +46,9 @@ def check_file(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
 
 def main() -> int:
     """Print a row for each file and the counts."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder that contains broken.json")
     parser.add_argument("--out", type=Path, required=True, help="folder of the asset folders")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")

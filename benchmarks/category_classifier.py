@@ -53,10 +53,14 @@ def sample_image(name: str, seed: int, view: int) -> Pixels:
 
 def main() -> None:
     """Render, train and write the weights."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--views", type=int, default=2)
-    parser.add_argument("--out", type=Path, required=True)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=40, help="number of seeds of the procedural library"
+    )
+    parser.add_argument("--views", type=int, default=2, help="images of each object")
+    parser.add_argument("--out", type=Path, required=True, help="file of the weights (.npz)")
     parser.add_argument("--features", type=Path, help="file for the features, to train again")
     flags = parser.parse_args()
     rows: list[Array] = []

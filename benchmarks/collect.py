@@ -142,7 +142,9 @@ def deploy_summary(report: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     """Print the summary of one run."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("run", type=Path, help="folder of a finished run")
     parser.add_argument("--deploy", type=Path, help="output of deploy --json for its bundle")
     flags = parser.parse_args()

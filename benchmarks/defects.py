@@ -181,16 +181,18 @@ def summarize(rows: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
 
 def main() -> int:
     """Print how many of each kind were found, and by which checks."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
         "--checked", type=Path, required=True, help="folders of benchmarks/assets.py"
     )
-    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--data", type=Path, required=True, help="folder that contains assets.json")
     parser.add_argument(
         "--out", type=Path, required=True, help="results; existing ones are continued"
     )
-    parser.add_argument("--count", type=int, default=30)
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--count", type=int, default=30, help="number of assets")
+    parser.add_argument("--jobs", type=int, default=2, help="assets at the same time")
     parser.add_argument("--minutes", type=float, help="stop then, and report what is done")
     parser.add_argument("--json", action="store_true", help="print only the result, as JSON")
     flags = parser.parse_args()

@@ -460,20 +460,36 @@ PARTS = ("limit", "scaling", "robosuite", "training")
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
-    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument(
+        "--parts", nargs="+", choices=PARTS, default=PARTS, help="figures to measure"
+    )
     parser.add_argument("--rounds", type=int, default=5, help="blocks of each side")
     parser.add_argument("--envs", type=int, default=64, help="environments of the engine")
     parser.add_argument(
         "--steps", type=int, default=200, help="control steps of a block, at most an episode"
     )
     parser.add_argument("--updates", type=int, default=3, help="updates of a block of training")
-    parser.add_argument("--counts", type=int, nargs="+", default=[16, 32, 64, 128, 256, 512, 1024])
+    parser.add_argument(
+        "--counts",
+        type=int,
+        nargs="+",
+        default=[16, 32, 64, 128, 256, 512, 1024],
+        help="numbers of environments",
+    )
     parser.add_argument(
         "--scaling-steps", type=int, default=40, help="control steps for each of them"
     )
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 3, 4])
+    parser.add_argument(
+        "--workers",
+        type=int,
+        nargs="+",
+        default=[1, 2, 3, 4],
+        help="numbers of robosuite processes to try",
+    )
     parser.add_argument(
         "--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads of the engine"
     )

@@ -1,10 +1,10 @@
-"""Faults of 20 kinds, injected into the simulated robot during episodes of ``deploy``'s own loop.
+"""Inject faults of 20 kinds into the simulated robot during episodes of ``deploy``.
 
 Checks after each fault: the arm is at rest, no limit was violated, the error has the expected
 class, the recording is readable and complete, and no command arrived after the stop. Each result is
 one line of ``--out``, so the same command continues after an interruption.
 
-    python benchmarks/faults.py --count 1000 --out faults.jsonl
+    python benchmarks/faults.py cabinet.zip --count 1000 --out faults.jsonl
 """
 
 from __future__ import annotations
@@ -234,12 +234,16 @@ def finished(path: Path) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Inject the faults that are missing and print a summary."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bundle", type=Path)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--kinds", nargs="*", default=list(CASES))
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--address", default="127.0.0.21")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("bundle", type=Path, help="bundle of a policy")
+    parser.add_argument("--count", type=int, default=1000, help="number of faults")
+    parser.add_argument("--kinds", nargs="*", default=list(CASES), help="kinds of faults")
+    parser.add_argument("--out", type=Path, required=True, help="file of the results (JSON lines)")
+    parser.add_argument(
+        "--address", default="127.0.0.21", help="loopback address of the simulated robot"
+    )
     flags = parser.parse_args()
     done = {row["index"] for row in finished(flags.out)}
     manifest = load_bundle(flags.bundle).manifest

@@ -109,14 +109,16 @@ def measure(bundle: Path, client: str, n_motions: int, seed: int) -> list[dict[s
 
 def main() -> None:
     """Start the server, run the motions, print the number of aborts."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("bundle", type=Path, help="bundle whose start and control stack are used")
     parser.add_argument(
         "--python", type=Path, required=True, help="interpreter with franka-sim installed"
     )
     parser.add_argument("--client", default="franka-rs", help="franka-rs or pylibfranka")
-    parser.add_argument("--motions", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--motions", type=int, default=20, help="number of motions")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the motions")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     flags = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -182,7 +182,9 @@ def text_of(row: dict[str, Any]) -> str:
 
 def main() -> int:
     """Print both success rates of each object; return 2 for bad input."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder of the index's paths")
     parser.add_argument("--index", type=Path, help="index of objects; by default DATA/assets.json")
     parser.add_argument(

@@ -1,10 +1,10 @@
-"""Check mutated URDFs and count what must never happen.
+"""Check mutated URDFs, and count tracebacks, crashes, hangs and files in other folders.
 
 python benchmarks/fuzz.py --count 2000 --seed 0 --jobs 2 --json
 
 Each mutant (``mutants.py``) is converted and checked in a separate process, with separate
-folders for work, temporary files and output. Counted are verdicts, unexpected exceptions, crashes
-of native libraries, checks that run longer than 60 s, and files outside the output folder.
+folders for work, temporary files and output. The result counts verdicts, unexpected exceptions,
+crashes of native libraries, checks that run longer than 60 s, and files outside the output folder.
 """
 
 from __future__ import annotations
@@ -104,11 +104,13 @@ def outcome_of(index: int, mutant: Mutant) -> Outcome:
 
 def main() -> int:
     """Check the mutants, print those that failed and the sums."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=0)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--count", type=int, default=2000, help="number of mutants")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the mutants")
     parser.add_argument("--only", type=int, nargs="*", help="mutants of these numbers only")
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=2, help="mutants checked at the same time")
     parser.add_argument("--json", action="store_true", help="print only the result, as JSON")
     flags = parser.parse_args()
     rng = np.random.default_rng(flags.seed)

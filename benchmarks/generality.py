@@ -167,15 +167,19 @@ def items_of(args: argparse.Namespace) -> list[tuple[str, Path, str]]:
 
 def main(argv: Sequence[str]) -> int:
     """Prepare the objects, evaluate the policy on each joint and write the summary."""
-    parser = argparse.ArgumentParser(description="Success on objects without training on them")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--procedural", type=int, nargs=2, help="first seed, and end")
     parser.add_argument("--data", type=Path, help="index of other objects, assets.json")
-    parser.add_argument("--half", choices=("development", "published"), default="development")
+    parser.add_argument(
+        "--half", choices=("development", "published"), default="development", help="half of --data"
+    )
     parser.add_argument("--limit", type=int, help="most objects of --data")
     parser.add_argument("--closing", action="store_true", help="tasks that close instead of open")
-    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--episodes", type=int, default=200, help="episodes of each joint")
     parser.add_argument("--runs", type=Path, nargs="+", default=(), help="evaluated run folders")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     args = parser.parse_args(argv)
     if (args.procedural is None) == (args.data is None):
         parser.error("give --procedural or --data")

@@ -165,14 +165,28 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
 
 def main(argv: Sequence[str]) -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else None)
-    parser.add_argument("--envs", type=int, nargs="*", default=[1024, 2048, 4096, 8192])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--envs",
+        type=int,
+        nargs="*",
+        default=[1024, 2048, 4096, 8192],
+        help="numbers of environments",
+    )
     parser.add_argument("--rounds", type=int, default=3, help="blocks of each engine")
     parser.add_argument("--steps", type=int, default=40, help="control steps of a block")
     parser.add_argument(
         "--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads of both engines"
     )
-    parser.add_argument("--training", nargs="*", choices=ENGINES, default=[])
+    parser.add_argument(
+        "--training",
+        nargs="*",
+        choices=ENGINES,
+        default=[],
+        help="engines with which a policy is trained",
+    )
     parser.add_argument("--training-envs", type=int, default=1024, help="environments on Warp")
     parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
     args = parser.parse_args(argv)

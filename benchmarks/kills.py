@@ -92,7 +92,9 @@ def differing(one: Path, other: Path) -> list[str]:
 
 def main() -> int:
     """Train twice, once with kills, and print the differences."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of both runs")
     parser.add_argument("--kills", type=int, default=50, help="number of kills")
     parser.add_argument(

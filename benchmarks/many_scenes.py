@@ -63,12 +63,14 @@ def rate(engine: ThreadEngine, steps: int) -> float:
 
 def main(argv: Sequence[str]) -> int:
     """Measure and print; 3 if the required ratio is missed."""
-    parser = argparse.ArgumentParser(description="Speed of the engine with many scenes")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=Path, required=True, help="list of scenes")
-    parser.add_argument("--envs", type=int, default=64)
+    parser.add_argument("--envs", type=int, default=64, help="number of environments")
     parser.add_argument("--steps", type=int, default=10, help="control steps of a block")
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--rounds", type=int, default=3, help="blocks of each side")
+    parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
     args = parser.parse_args(argv)
     records = [r for r in read_records(args.scenes) if r.placement][: args.envs]
     scenes = [scene_of(record, (1.0,)) for record in records]

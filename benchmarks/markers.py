@@ -329,11 +329,19 @@ QUIET = False
 def main() -> None:
     """Run all measurements."""
     global QUIET  # noqa: PLW0603
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
-    parser.add_argument("--distances", type=float, nargs="+", default=[0.5, 0.75, 1.0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1], help="seeds of the scenes")
+    parser.add_argument(
+        "--distances",
+        type=float,
+        nargs="+",
+        default=[0.5, 0.75, 1.0],
+        help="distances of the camera [m]",
+    )
     parser.add_argument("--preset", type=Path, help="file of the randomization to write")
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
     arguments = parser.parse_args()
     QUIET = arguments.json
     rows, ranges = estimator_rows(arguments.seeds, arguments.distances)

@@ -136,11 +136,18 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Measure all objects and print the summary."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
     parser.add_argument("--index", type=Path, required=True, help="folder of the index")
-    parser.add_argument("--half", choices=["development", "published"], default="development")
-    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument(
+        "--half",
+        choices=["development", "published"],
+        default="development",
+        help="half of the objects",
+    )
+    parser.add_argument("--count", type=int, default=40, help="number of objects")
     parser.add_argument("--exclude", nargs="*", default=[], help="further ids to leave out")
     parser.add_argument("--background", action="store_true", help="textured background")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")

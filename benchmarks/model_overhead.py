@@ -1,6 +1,6 @@
 """Measure the time that a request to a model takes in this process.
 
-    .venv/bin/python benchmarks/model_overhead.py
+    python benchmarks/model_overhead.py
 
 A loopback server in another process replies at once; the time of a bare request is subtracted.
 Each request has eight images of 640 x 480 px, as one with a video; every answer is decoded and
@@ -9,6 +9,7 @@ stored. Processor time is printed beside wall-clock time, which grows on a busy 
 
 from __future__ import annotations
 
+import argparse
 import json
 import multiprocessing
 import os
@@ -81,6 +82,9 @@ def request_of(k: int, images: list[bytes]) -> Request:
 
 def main() -> None:
     """Print the overhead for each provider, and the time of a stored answer."""
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     rng = np.random.default_rng(0)
     images = [png(rng.integers(0, 256, (480, 640, 3), dtype=np.uint8) // 64 * 64) for _ in range(8)]
     for provider, wire_format in FORMATS.items():

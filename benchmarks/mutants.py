@@ -1,7 +1,7 @@
-"""Mutated URDFs and meshes: what the fuzzing of check-asset and its tests change, and how.
+"""Mutated URDFs and meshes for the fuzzing of check-asset and its tests.
 
-A mutant is plain data, numbers that name places in a small object, so that it can be sampled by a
-random number generator or shrunk by hypothesis.
+A mutant is plain data: numbers that select elements of a small object. A random number generator
+can sample it, and hypothesis can shrink it.
 """
 
 from __future__ import annotations

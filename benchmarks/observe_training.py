@@ -231,9 +231,13 @@ def summary(records: list[dict[str, Any]]) -> dict[str, float]:
 
 def main() -> None:
     """Run one step."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("step", choices=["render", "features", "train", "evaluate"])
-    parser.add_argument("folder", type=Path)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "step", choices=["render", "features", "train", "evaluate"], help="step to run"
+    )
+    parser.add_argument("folder", type=Path, help="folder of the videos")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--count", type=int, default=1000, help="number of videos")
     parser.add_argument("--dataset", default="", help="index file; procedural objects if not given")

@@ -63,7 +63,9 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Evaluate the missing pairs and print the agreement."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder that contains assets.json")
     parser.add_argument("--out", type=Path, required=True, help="file of the results (JSON lines)")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")

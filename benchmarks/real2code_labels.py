@@ -1,4 +1,4 @@
-"""True joints in Real2Code's format: what its boxes and edges can express at best.
+"""Write the true joints in Real2Code's format, the upper bound of its boxes and edges.
 
 python benchmarks/real2code_labels.py --data data --half published --out labels
 articulate benchmark data/assets.json --data data --predictions real2code:labels --split published
@@ -29,10 +29,17 @@ def label(subject: TrueObject) -> str:
 
 def main() -> None:
     """Write one file for each object."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
-    parser.add_argument("--half", choices=["development", "published"], default="development")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument(
+        "--half",
+        choices=["development", "published"],
+        default="development",
+        help="half of the objects",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder of the labels")
     flags = parser.parse_args()
     dataset = open_dataset(str(flags.data / "assets.json"), flags.data)
     for object_id in dataset.ids():

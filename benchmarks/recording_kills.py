@@ -99,10 +99,12 @@ def kill_once(
 
 def main() -> None:
     """Kill the episodes that are missing and print a summary."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bundle", type=Path)
-    parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--out", type=Path, required=True)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("bundle", type=Path, help="bundle of a policy")
+    parser.add_argument("--kills", type=int, default=200, help="number of killed episodes")
+    parser.add_argument("--out", type=Path, required=True, help="file of the results (JSON lines)")
     flags = parser.parse_args()
     done = flags.out.read_text().splitlines() if flags.out.exists() else []
     bundle = load_bundle(flags.bundle)

@@ -1,4 +1,4 @@
-"""Compare this converter with other tools on the same objects, by the same checks.
+r"""Compare this converter with other tools on the same objects, by the same checks.
 
 python benchmarks/rivals.py --checked checked --data data --tools tools --out rivals \
     --count 30 --json
@@ -382,7 +382,9 @@ class Job:
 
 def main() -> int:
     """Run the tools on a sample of the objects and print the sums."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
         "--checked", type=Path, required=True, help="output folder of benchmarks/assets.py"
     )

@@ -121,7 +121,9 @@ def poses_of(robot: yourdfpy.URDF, links: list[str], base: str, q: Mapping[str, 
 
 def main() -> None:
     """Convert all URDFs of ``assets.json``, or every n-th, and print the result."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("data", type=Path, help="folder that contains assets.json and assets/")
     parser.add_argument("--index", type=Path, help="index of objects; by default DATA/assets.json")
     parser.add_argument("--every", type=int, default=1, help="use every n-th object only")

@@ -1,6 +1,6 @@
 """Parts and joints of objects that are merged into one welded mesh, against the true ones.
 
-python benchmarks/scans.py --data ../shared/data --half development --limit 60
+python benchmarks/scans.py --data data --half development --limit 60
 python benchmarks/scans.py --kitchen kitchen_cc_by/assets --half development --make
 python benchmarks/scans.py --shells 10 --half development
 
@@ -334,11 +334,18 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", type=Path, help="folder with assets.json")
     parser.add_argument("--kitchen", type=Path, help="folder of kitchen-assets-cc-by")
     parser.add_argument("--shells", type=int, default=0, help="number of closed shells")
-    parser.add_argument("--half", choices=("development", "published"), default="development")
+    parser.add_argument(
+        "--half",
+        choices=("development", "published"),
+        default="development",
+        help="half of the objects",
+    )
     parser.add_argument("--limit", type=int, default=60, help="number of objects")
     parser.add_argument("--skip", type=int, default=0, help="objects to leave out at the start")
     parser.add_argument("--text", action="store_true", help="give the category as text")

@@ -49,7 +49,9 @@ def shortest_times(call: list[str], times: int) -> dict[str, float]:
 
 def main() -> None:
     """Measure and print the times."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     parser.add_argument("--times", type=int, default=7, help="runs of each command")
     flags = parser.parse_args()

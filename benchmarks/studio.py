@@ -447,7 +447,9 @@ def correct_case(case: Case, browser: Browser, folder: Path) -> Callable[[], dic
 
 def main(argv: list[str] | None = None) -> None:
     """Correct all objects, check them, write the records, and print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, required=True, help="JSON file with the records")
     parser.add_argument("--first", type=int, default=0, help="index of the first case")
     parser.add_argument("--count", type=int, default=len(CASES), help="number of cases")

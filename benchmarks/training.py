@@ -319,7 +319,9 @@ def _log(line: str) -> None:
 
 def main() -> None:
     """Measure and print the result."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--json", action="store_true", help="print the complete result as JSON")
     parser.add_argument("--seconds", type=float, default=25.0, help="minimum length of a block [s]")
     parser.add_argument("--rounds", type=int, default=2, help="number of blocks of each side")

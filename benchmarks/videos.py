@@ -414,8 +414,12 @@ def _evidence(figures: Mapping[str, float]) -> MotionEvidence:
 
 def main() -> None:
     """Run one step."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("step", choices=["observe", "render", "make", "confidence"])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "step", choices=["observe", "render", "make", "confidence"], help="step to run"
+    )
     parser.add_argument("source", type=Path, nargs="+", help="index files; folder of videos")
     parser.add_argument("--half", default="", help="development or published; all if not given")
     parser.add_argument("--data", type=Path, help="folder with assets.json; else generated objects")

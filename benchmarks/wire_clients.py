@@ -1,6 +1,6 @@
-"""Unmodified clients open the drawer of a bundle on the simulated robot that serves FCI.
+"""Open the drawer of a bundle with unmodified clients of the simulated robot, over FCI.
 
-Each client runs in a child process with a deadline and knows only the address and a trajectory,
+Each client runs in a child process with a deadline. It gets only the address and a trajectory,
 which comes from the true pose of the handle. Episode k has the parameters of ``deploy``.
 
     python benchmarks/wire_clients.py BUNDLE --python VENV/bin/python --episodes 20
@@ -241,11 +241,15 @@ def run_client(
 
 def main() -> None:
     """Run the clients and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bundle", type=Path)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("bundle", type=Path, help="bundle of a policy")
     parser.add_argument("--python", default=sys.executable, help="interpreter with the clients")
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--address", default="127.0.0.20")
+    parser.add_argument("--episodes", type=int, default=20, help="episodes of each client")
+    parser.add_argument(
+        "--address", default="127.0.0.20", help="loopback address of the simulated robot"
+    )
     parser.add_argument("--clients", nargs="*", help="pairs such as franka-rs:10")
     args = parser.parse_args()
     pairs = PAIRS
