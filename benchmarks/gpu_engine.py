@@ -123,20 +123,21 @@ def compare(scene: Scene, config: TrainConfig, n: int, args: argparse.Namespace)
 def train(asset: Path, name: str, folder: Path, args: argparse.Namespace) -> dict[str, Any]:
     """Train on one engine to the target success and return time, control steps and success."""
     run = folder / f"run-{name}"
-    command = ["train", "--asset", str(asset), "--engine", name, "--out", str(run), "--json"]
-    command += ["--config", "quickstart", "--seeds", "0", "--target-success", "0.98"]
+    arguments = ["--engine", name, "--out", str(run), "--json"]
+    arguments += ["--config", "quickstart", "--seeds", "0", "--target-success", "0.98"]
     if name == "warp":
         n = args.training_envs
         sizes = {"n_envs": n, "n_steps": TRAINING_STEPS, "batch_size": n * TRAINING_STEPS // 16}
         for key, value in sizes.items():
-            command += ["--set", f"ppo.{key}={value}"]
+            arguments += ["--set", f"ppo.{key}={value}"]
+    command = [sys.executable, "-m", "articulate", "train", "--asset", str(asset), *arguments]
     printed = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
     summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
     return {
-        "command": " ".join(command[:1] + command[3:]),
+        "command": " ".join(["train", *arguments]),
         "minutes": summary["seconds"] / 60.0,
         "steps": summary["seeds"][0]["steps"],
-        "success": json.loads(printed)["success"],
+        "success": json.loads(printed)["success_pooled"],
     }
 
 

@@ -54,6 +54,12 @@ SEED = 1
 """Seed of the order of the objects."""
 NOT_COUNTED = frozenset({"joint_limits", "collision_coverage", "inertia"})
 """Checks that compare with our files or with visual meshes do not count for any tool."""
+EXECUTABLES = {
+    "urdf2mjcf": Path("urdf2mjcf/bin/urdf2mjcf"),
+    "urdf-to-mjcf": Path("urdf-to-mjcf/bin/urdf-to-mjcf"),
+    "simcheck fix": Path("simcheck/bin/simcheck"),
+}
+"""Programs of the tools, below the folder of virtual environments."""
 TOOL_FILES = "tool_files"
 """Folder of the meshes and textures of a tool, below the asset folder."""
 BARE = "no collision shapes"
@@ -94,21 +100,20 @@ def with_flags(urdf: Path, _: Path) -> ToolResult:
 def urdf2mjcf(urdf: Path, tools: Path) -> ToolResult:
     """Run the converter of kscale."""
     out = urdf.with_name("urdf2mjcf.xml")
-    return _run([tools / "urdf2mjcf/bin/urdf2mjcf", urdf, "--output", out], out)
+    return _run([tools / EXECUTABLES["urdf2mjcf"], urdf, "--output", out], out)
 
 
 def urdf_to_mjcf(urdf: Path, tools: Path) -> ToolResult:
     """Run the converter of discoverse with convex decomposition, in a separate folder."""
     out = urdf.parent / "urdf_to_mjcf" / "robot.xml"
     out.parent.mkdir(exist_ok=True)
-    tool = tools / "urdf-to-mjcf/bin/urdf-to-mjcf"
-    return _run([tool, "-ct", "decomposition", "-o", out, urdf], out)
+    return _run([tools / EXECUTABLES["urdf-to-mjcf"], "-ct", "decomposition", "-o", out, urdf], out)
 
 
 def simcheck_fix(urdf: Path, tools: Path) -> ToolResult:
     """Run simcheck's repair of the URDF, then MuJoCo with compiler settings."""
     out = urdf.with_name("simcheck.urdf")
-    done = _run([tools / "simcheck/bin/simcheck", "fix", "--no-verify", "-o", out, urdf], out)
+    done = _run([tools / EXECUTABLES["simcheck fix"], "fix", "--no-verify", "-o", out, urdf], out)
     return with_flags(out, tools) if done.path else done
 
 
@@ -398,6 +403,10 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="objects at the same time")
     parser.add_argument("--json", action="store_true", help="print the result as JSON only")
     flags = parser.parse_args()
+    programs = [flags.tools / EXECUTABLES[tool] for tool in flags.only if tool in EXECUTABLES]
+    for program in programs:
+        if not program.is_file():
+            parser.error(f"{program}: does not exist; install the tool there, or omit it in --only")
     sources = {
         item.name: item.file
         for item, entry in items_of(flags.data, ())
