@@ -199,7 +199,7 @@ class Trainer:
             seen: Singles = self.observation.astype(np.float32)
             scale = action_scales(self.scaling, seen)
             compensation = lead_compensation(self.scaling, seen)
-            target = self.expert.act(self.episodes.state, self.episodes.params)
+            target = self.expert.act(self.episodes.estimated_state(), self.episodes.params)
             unscaled = unscale_action(target, scale, compensation)
             self.data.observations.append(seen)
             self.data.actions.append(unscaled.astype(np.float32))

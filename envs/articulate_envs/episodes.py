@@ -140,6 +140,7 @@ class Episodes:
         self._last_action = np.zeros((n, ACTION.size))
         self._width = np.zeros(n)
         self._terms = np.zeros((n, len(TERMS)))
+        self._noise = np.zeros((n, N_NOISES))
         self._state: State | None = None
 
     def _post_step_params(self) -> PostStepParams:
@@ -196,16 +197,13 @@ class Episodes:
             raise EngineError("step before the first reset: call reset() first")
         return self._state
 
-    def estimated_state(self, rng: np.random.Generator) -> State:
-        """Return the present state with pose of the handle and opening as a policy observes them.
-
-        Args:
-            rng: Generator of the noise.
+    def estimated_state(self) -> State:
+        """Return the present state with pose of the handle and opening as the policy observes them.
 
         Raises:
             EngineError: There was no reset.
         """
-        estimate = self._estimator.estimate(self._params, rng)
+        estimate = self._estimator.estimate(self._params, self._noise)
         return replace(self.state, T_wh=estimate.T_wh, opened=estimate.opened)
 
     def reseed(self, seed: int | np.random.SeedSequence | np.random.Generator) -> None:
@@ -250,7 +248,8 @@ class Episodes:
             self._home &= self._step == 0
         self._width = self._state.gripper_width
         self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
-        return self._observe()
+        self._noise = self._sample_noise()
+        return self._observe(self._noise)
 
     def _begin(self, rows: Ints, start: Start | None = None) -> State:
         """Begin episodes in environments ``rows`` (M,) and return the state of all environments."""
@@ -283,20 +282,21 @@ class Episodes:
             last_action=self._last_action,
         )
 
-    def _noise(self) -> Array:
-        return self._rng.normal(size=(self.engine.n_envs, N_NOISES))
-
-    def _observe(self) -> Array:
+    def _observe(self, noise: Array) -> Array:
         out: Array = compiled_observe(
             self._inputs(),
             self.state.samples,
             self._estimator.history,
             self._params.values,
-            self._noise(),
+            noise,
             self._step,
             self._constants,
         )
         return out
+
+    def _sample_noise(self) -> Array:
+        """Return the noise of the next observations (N, N_NOISES), standard normal."""
+        return self._rng.normal(size=(self.engine.n_envs, N_NOISES))
 
     def privileged(self) -> Array:
         """Return the privileged observations of the present state (N, size)."""
@@ -327,13 +327,16 @@ class Episodes:
                 self._state = self._begin(ended.rows)
                 self._width = self._width.copy()
                 self._width[ended.rows] = self._state.gripper_width[ended.rows]
+                noise = self._sample_noise()
+                self._noise[ended.rows] = noise[ended.rows]
                 observed = observed.copy()
-                observed[ended.rows] = self._observe()[ended.rows]
+                observed[ended.rows] = self._observe(noise)[ended.rows]
         return StepResult(observed, terms.sum(axis=1), done, ended)
 
     def _post_step(self, before: State, action: Array) -> tuple[Array, Array]:
         """Update the monitor; return reward terms (N, len(TERMS)) and observations (N, size)."""
         terms = np.empty((self.engine.n_envs, len(TERMS)))
+        self._noise = self._sample_noise()
         self._monitor = self._monitor._replace(samples=self.state.samples).copy()
         observed: Array = compiled_post_step(
             reward_inputs(before),
@@ -344,7 +347,7 @@ class Episodes:
             self._inputs(),
             self._estimator.history,
             self._params.values,
-            self._noise(),
+            self._noise,
             self._step,
             self._constants,
             terms,
@@ -392,6 +395,7 @@ class Episodes:
             "episode_last_action": self._last_action.copy(),
             "episode_width": self._width.copy(),
             "episode_terms": self._terms.copy(),
+            "episode_noise": self._noise.copy(),
             "episode_params": self._params.values.copy(),
             "progress": np.array(self.progress),
             "generator": self._rng.bit_generator.state,
@@ -412,6 +416,7 @@ class Episodes:
         self._last_action = snapshot["episode_last_action"].copy()
         self._width = snapshot["episode_width"].copy()
         self._terms[:] = snapshot["episode_terms"]
+        self._noise = snapshot["episode_noise"].copy()
         self._params.values[:] = snapshot["episode_params"]
         self.progress = float(snapshot["progress"])
         self._rng.bit_generator.state = snapshot["generator"]

@@ -77,7 +77,7 @@ def estimate_feasibility(
         renew=False,
     )
     try:
-        codes = _run(episodes, np.random.default_rng(seed))
+        codes = _run(episodes)
     finally:
         episodes.engine.close()
     failures = codes[codes != 0]
@@ -88,11 +88,10 @@ def estimate_feasibility(
     )
 
 
-def _run(episodes: Episodes, rng: np.random.Generator) -> Ints:
+def _run(episodes: Episodes) -> Ints:
     """Return the code of each episode (N,) after the scripted expert has acted to its end.
 
-    Noise of the estimates comes from ``rng``. An episode that diverges ends early; its first code
-    counts.
+    An episode that diverges ends early; its first code counts.
     """
     scene = episodes.engine.scene
     codes = np.full(episodes.engine.n_envs, -1, dtype=np.int64)
@@ -100,7 +99,7 @@ def _run(episodes: Episodes, rng: np.random.Generator) -> Ints:
     episodes.reset()
     params = episodes.params
     for _ in range(scene.n_steps):
-        step = episodes.step(expert.act(episodes.estimated_state(rng), params))
+        step = episodes.step(expert.act(episodes.estimated_state(), params))
         if step.ended is not None:
             new = codes[step.ended.rows] < 0
             codes[step.ended.rows[new]] = step.ended.code[new]

@@ -347,13 +347,25 @@ def test_estimated_state_is_the_true_one_with_the_constant_error_of_the_episode(
         runs = episodes(drawer, initial_states=None, randomization=config)
         runs.reset()
         runs.step(actions(1)[0])
-        estimated = runs.estimated_state(np.random.default_rng(0))
+        estimated = runs.estimated_state()
         error = np.stack([runs.params[f"bias_{axis}_m"] for axis in "xyz"], axis=1)
         assert np.any(error) == (config is biased)
         assert_allclose(estimated.T_wh[:, :3, 3], runs.state.T_wh[:, :3, 3] + error, atol=1e-12)
         assert_array_equal(estimated.T_wh[:, :3, :3], runs.state.T_wh[:, :3, :3])
         assert_array_equal(estimated.opened, runs.state.opened)
         assert_array_equal(estimated.q, runs.state.q)
+
+
+def test_estimated_state_is_that_of_the_observation(drawer):
+    noisy = dataclasses.replace(DRAWS, estimate_noise_m=0.01)
+    runs = episodes(drawer, initial_states=None, randomization=noisy)
+    seen = runs.reset()
+    for k in range(drawer.n_steps + 2):  # the last ones are in the next episode
+        state = runs.estimated_state()
+        handle_t = np.linalg.inv(runs.state.T_wt) @ state.T_wh
+        observed = 0.2 * seen[:, OBSERVATION.slice("handle_pos")]
+        assert_allclose(observed, handle_t[:, :3, 3], atol=1e-12, err_msg=f"control step {k}")
+        seen = runs.step(np.zeros((N, 8))).observation
 
 
 def test_a_new_seed_decides_what_comes(drawer):

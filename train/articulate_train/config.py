@@ -116,7 +116,8 @@ class ImitationConfig:
 
     DAgger (Ross, Gordon and Bagnell, 2011): the policy learns the actions of the privileged
     scripted expert (:mod:`articulate_envs.scripted_expert`) at the states it visits itself, from
-    its own observations. PPO trains it for the rest of the control steps.
+    its own observations. The expert has the errors of the policy's estimate of the object. PPO
+    trains the policy for the rest of the control steps.
     """
 
     until: float = 0.1

@@ -87,7 +87,7 @@ class EpisodesVecEnv(VecEnv):
         policy, scale = np.clip(actions, -1.0, 1.0), action_scales(self.action_scaling, self._seen)
         compensation = lead_compensation(self.action_scaling, self._seen)
         if self.expert is not None:
-            target = self.expert.act(self.episodes.state, self.episodes.params)
+            target = self.expert.act(self.episodes.estimated_state(), self.episodes.params)
             self.expert_actions.append(unscale_action(target, scale, compensation))
             policy[: self.n_expert_envs] = self.expert_actions[-1][: self.n_expert_envs]
         motions = policy[:, :MOTIONS] * scale

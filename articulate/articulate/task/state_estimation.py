@@ -140,10 +140,14 @@ class NoisyEstimator:
         """Store the true state of a control step; see :func:`push_state`."""
         push_state(self.history, T_wh, opened, speed)
 
-    def estimate(self, params: EpisodeParams, rng: np.random.Generator) -> Estimate:
-        """Return the estimate under the episode parameters (N rows), with noise from ``rng``."""
+    def estimate(self, params: EpisodeParams, noise: Array) -> Estimate:
+        """Return the estimate under the episode parameters (N rows).
+
+        Args:
+            params: Episode parameters.
+            noise: Standard normal numbers (N, 4 or more), of which the first 4 are used.
+        """
         n = len(params.values)
-        noise = rng.normal(size=(n, 4))
         T_wh, opened, speed = np.tile(np.eye(4), (n, 1, 1)), np.empty(n), np.empty(n)
         for i in range(n):
             opened[i], speed[i] = estimate_state(

@@ -48,7 +48,7 @@ class TruthEstimator:
 
     def estimate(self) -> Estimate:
         """Return the input of the policy."""
-        return self._noisy.estimate(self._params, self._rng)
+        return self._noisy.estimate(self._params, self._rng.normal(size=(1, 4)))
 
     def monitored_state(self) -> Estimate:
         """Return the true state."""
