@@ -1,18 +1,22 @@
 import dataclasses
 import json
+import shlex
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import yaml
 from tests.runs import write_checkpoint
 
+from articulate.commands.flags import parse
 from articulate.errors import MissingError, RunError, UsageError
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate.task.task import Task
 from articulate_envs.rewards import TERMS
 from articulate_train import evaluate_run as evaluation
+from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.evaluate_run import (
     commit,
     describe_target,
@@ -82,9 +86,24 @@ def test_another_number_of_episodes_is_in_the_command_that_repeats_it(trained, v
     own = evaluate_run_folder(trained, episodes=trained.config.episodes).report.info.command
     assert "evaluate" not in own
     other = evaluate_run_folder(trained, episodes=trained.config.episodes + 1).report.info.command
-    assert (
-        other == f"{own}\nevaluate {trained.folder.name} --episodes {trained.config.episodes + 1}"
-    )
+    name, episodes = trained.folder.name, trained.config.episodes + 1
+    assert other == f"{own} --out {name}\nevaluate {name} --episodes {episodes}"
+
+
+def test_the_report_of_the_generalist_repeats_its_evaluation_and_not_a_training(trained, videos):
+    """Nothing was trained for this object: its steps are those of the weights."""
+    done = {"steps": 192, "policy": "generalist", "control_steps": 7}
+    (trained.seed_folder(0) / DONE).write_text(json.dumps(done))
+    info = evaluate_run_folder(trained, episodes=2).report.info
+    assert info.steps == 7
+    make, again = info.command.split("\n")
+    words = shlex.split(make)
+    assert words[0] == "evaluate"
+    flags = parse(EvaluateFlags, words[1:], prog="evaluate")
+    assert (flags.policy, flags.asset) == ("generalist", trained.config.asset)
+    assert (flags.task, flags.joint) == (trained.config.task, trained.task.joint)
+    assert flags.out == Path(trained.folder.name)
+    assert again == f"evaluate {trained.folder.name} --episodes 2"
 
 
 def test_a_training_that_is_not_over_is_reported(trained, videos):

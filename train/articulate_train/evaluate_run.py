@@ -17,7 +17,7 @@ import numpy as np
 
 from articulate.config import to_yaml
 from articulate.errors import MissingError
-from articulate.files import write_bytes
+from articulate.files import read_json_object, write_bytes
 from articulate.statistics import percent
 from articulate.task.task import Task, done_word
 from articulate_envs.rewards import TERMS
@@ -113,7 +113,7 @@ def evaluate_run_folder(
     lines, videos, poster = _videos(run, rollouts, folder)
     flags = _evaluate_flags(trained, episodes, ranges, on)
     report = make_report(
-        _info(trained, run, f"\nevaluate {run.folder.name} {flags}" if flags else ""),
+        _info(trained, run, flags),
         results,
         [_curve(run, s) for s in run.config.seeds],
         lines,
@@ -170,8 +170,24 @@ def describe_target(task: Task) -> str:
     return f"{most}{travel:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
 
 
-def _info(run: Run, evaluated: Run, also: str = "") -> RunInfo:
-    """Describe ``run``, evaluated on the object and ranges of ``evaluated``."""
+def _command(run: Run, flags: str) -> str:
+    """Return the command that makes ``run``, and that of an evaluation with ``flags`` if any."""
+    config, joint, name = run.config, run.task.joint, shlex.quote(run.folder.name)
+    command = train_command(config, joint)
+    if _generalist_steps(run):
+        words = ["--asset", config.asset, "--task", config.task, "--joint", joint]
+        command = shlex.join(["evaluate", "--policy", "generalist", *words])
+    return f"{command} --out {name}\nevaluate {name} {flags}" if flags else command
+
+
+def _generalist_steps(run: Run) -> int:
+    """Return the control steps of the generalist policy if it is that of ``run``, else 0."""
+    done = read_json_object(run.seed_folder(run.config.seeds[0]) / DONE)
+    return int(done["control_steps"]) if done.get("policy") == "generalist" else 0
+
+
+def _info(run: Run, evaluated: Run, flags: str = "") -> RunInfo:
+    """Describe ``run``, evaluated with ``flags`` on the object and ranges of ``evaluated``."""
     rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
     seconds = training_s(run.folder, [r[-1]["seconds"] for r in rows if r])
     steps = sum(r[-1]["steps"] for r in rows if r)
@@ -183,10 +199,10 @@ def _info(run: Run, evaluated: Run, also: str = "") -> RunInfo:
         joint=evaluated.task.joint,
         target_text=describe_target(evaluated.task),
         target=evaluated.task.target,
-        steps=config.steps,
+        steps=_generalist_steps(run) or config.steps,
         seconds=seconds,
         steps_per_s=steps / max(seconds, 1e-9),
-        command=train_command(config, run.task.joint) + also,
+        command=_command(run, flags),
         config=to_yaml(evaluated.config),
         versions=versions(),
         licence=evaluated.asset.licence,
