@@ -8,6 +8,7 @@ work as in robosuite.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
@@ -415,5 +416,10 @@ def _read(
             f"initialization_noise is {quote(noise)}; accepted: 'default', None, or "
             "{'type': 'uniform', 'magnitude': rad}"
         )
-    start_rad = 0.0 if noise is None else float(noise.get("magnitude") or 0.0)
+    start_rad = 0.0 if noise is None else noise.get("magnitude") or 0.0
+    if not isinstance(start_rad, int | float) or not 0.0 <= start_rad < math.inf:
+        raise ConfigError(
+            f"initialization_noise has the magnitude {quote(start_rad)}; it must be an angle of 0 "
+            "or more [rad]"
+        )
     return replace(config, randomization=replace(config.randomization, start_rad=start_rad))

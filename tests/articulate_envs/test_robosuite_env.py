@@ -203,6 +203,14 @@ def test_noise_of_the_start_is_robosuites_to_set(drawer, noise, spread):
         ("camera_widths=text", {"camera_widths": "64"}),
         ("camera_names=frontview", {"camera_names": "frontview"}),
         ("initialization_noise=gaussian", {"initialization_noise": {"type": "gaussian"}}),
+        (
+            "initialization_noise magnitude=x",
+            {"initialization_noise": {"type": "uniform", "magnitude": "x"}},
+        ),
+        (
+            "initialization_noise magnitude=-1",
+            {"initialization_noise": {"type": "uniform", "magnitude": -1.0}},
+        ),
         ("horizn=3", {"horizn": 3}),
         ("horizon=-1", {"horizon": -1}),
         ("scene=20 Hz, control_freq=10", {"control_freq": 10}),

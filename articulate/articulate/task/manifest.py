@@ -253,9 +253,10 @@ def decode_manifest(text: str, where: str) -> Manifest:
     content = _parse(text, where)
     schema, version = content.pop("schema", None), content.pop("schema_version", None)
     if schema != SCHEMA or version != SCHEMA_VERSION:
+        found = "no schema" if schema is None else f"schema {str(schema)[:40]} {str(version)[:10]}"
         raise BundleError(
-            f"{where}: schema {str(schema)[:40]} {str(version)[:10]}; this version reads "
-            f"{SCHEMA} {SCHEMA_VERSION}: export it again with articulate export"
+            f"{where}: {found}; this version reads {SCHEMA} {SCHEMA_VERSION}: export it again "
+            "with articulate export"
         )
     content_id = content.pop("content_id", None)
     try:

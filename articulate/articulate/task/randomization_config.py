@@ -104,7 +104,8 @@ class RandomizationConfig:
         """
         if not 0.0 < factor <= MAX_RANGE_FACTOR:
             raise ConfigError(
-                f"range factor is {factor:g}; it must be above 0 and at most {MAX_RANGE_FACTOR:g}"
+                f"range factor (--ranges) is {factor:g}; it must be above 0 and at most "
+                f"{MAX_RANGE_FACTOR:g}"
             )
         if factor == 1.0:
             return self

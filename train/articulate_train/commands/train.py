@@ -224,7 +224,7 @@ def _show_selection(seed: int, text: str) -> None:
 def _show_seed(progress: SeedProgress) -> None:
     steps = min(progress.steps, progress.total)  # the last update may go beyond
     console.show_progress(
-        f"seed {progress.seed}  {steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
+        f"seed {progress.seed}  {steps:9,} of {progress.total:,} steps  "
         f"{progress.steps_per_s:6.0f} steps/s  at target {progress.opened:4.0%}  "
         f"success {progress.success:4.0%}"
     )
