@@ -1,6 +1,6 @@
 """Rendered training images of the procedural library for the networks that read photos.
 
-    python benchmarks/photo_samples.py --images 3250 --out FOLDER
+    python benchmarks/photo_samples.py --images 13500 --out FOLDER
 
 Objects have seeds below 1000, or random fronts; sizes are scaled along each axis, colours and
 textures are random. A sample holds inner features of the ImageNet network: of the square around the
