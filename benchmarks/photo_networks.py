@@ -1,6 +1,6 @@
 """Train the networks that read photos: box and front of an object.
 
-    python benchmarks/photo_networks.py --samples FOLDER --network box --epochs 10 --out box_weights.npz
+    python benchmarks/photo_networks.py --samples FOLDER --network box --epochs 10 --out FILE.npz
 
 Samples are those of ``benchmarks/photo_samples.py``. The networks read features of the ImageNet
 network, which stay fixed. Every tenth object is held out.

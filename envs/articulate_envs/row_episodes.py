@@ -66,15 +66,17 @@ class RowEpisodes(Episodes):
         self._width = self._width.copy()
         self._width[rows] = self._state.gripper_width[rows]
         self._active = rows
-        observation: Array = self._observe()[rows]
+        noise = self._sample_noise()
+        self._noise[rows] = noise[rows]
+        observation: Array = self._observe(noise)[rows]
         return observation
 
     def activate(self, rows: Ints) -> None:
         """Let the next step take observation noise of environments ``rows`` (M,), indices, only."""
         self._active = rows
 
-    def _noise(self) -> Array:
-        noise = super()._noise()
+    def _sample_noise(self) -> Array:
+        noise = super()._sample_noise()
         for row in self._active.tolist():
             if row in self._generators:
                 noise[row] = self._generators[row].normal(size=noise.shape[1])

@@ -1,6 +1,7 @@
 """Numbers that no training can be made with are rejected before it begins."""
 
 import dataclasses
+from typing import Any
 
 import pytest
 
@@ -104,7 +105,7 @@ SIGNED = ("reward", "log_std_init", "log_std_final")
 
 def changed(path, number):
     """Return the configuration with ``number`` at ``path``."""
-    value = [number] * len(NUMBERS[path]) if isinstance(NUMBERS[path], tuple) else number
+    value: Any = [number] * len(NUMBERS[path]) if isinstance(NUMBERS[path], tuple) else number
     for name in reversed(path):
         value = {name: value}
     return from_mapping(TrainConfig, {"asset": "cabinet.urdf"} | value, "test")
