@@ -416,7 +416,8 @@ class Episodes:
         self._last_action = snapshot["episode_last_action"].copy()
         self._width = snapshot["episode_width"].copy()
         self._terms[:] = snapshot["episode_terms"]
-        self._noise = snapshot["episode_noise"].copy()
+        # Checkpoints of earlier versions have no noise; only the next expert action depends on it.
+        self._noise = np.array(snapshot.get("episode_noise", np.zeros_like(self._noise)))
         self._params.values[:] = snapshot["episode_params"]
         self.progress = float(snapshot["progress"])
         self._rng.bit_generator.state = snapshot["generator"]

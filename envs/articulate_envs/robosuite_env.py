@@ -417,9 +417,9 @@ def _read(
             "{'type': 'uniform', 'magnitude': rad}"
         )
     start_rad = 0.0 if noise is None else noise.get("magnitude") or 0.0
-    if not isinstance(start_rad, int | float) or not 0.0 <= start_rad < math.inf:
+    if not isinstance(start_rad, int | float | np.floating) or not 0.0 <= start_rad < math.inf:
         raise ConfigError(
             f"initialization_noise has the magnitude {quote(start_rad)}; it must be an angle of 0 "
             "or more [rad]"
         )
-    return replace(config, randomization=replace(config.randomization, start_rad=start_rad))
+    return replace(config, randomization=replace(config.randomization, start_rad=float(start_rad)))

@@ -368,6 +368,17 @@ def test_estimated_state_is_that_of_the_observation(drawer):
         seen = runs.step(np.zeros((N, 8))).observation
 
 
+def test_a_snapshot_without_noise_continues(drawer):
+    runs, other = episodes(drawer), episodes(drawer)
+    runs.reset()
+    snapshot = runs.snapshot()
+    assert np.any(snapshot.pop("episode_noise"))
+    other.reset()
+    other.restore(snapshot)
+    action = np.zeros((N, 8))
+    assert_array_equal(other.step(action).observation, runs.step(action).observation)
+
+
 def test_a_new_seed_decides_what_comes(drawer):
     runs = Episodes(
         ThreadEngine(drawer, 2),
