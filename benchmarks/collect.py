@@ -62,18 +62,12 @@ def first_success(rows: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
 
 
 def training_times(run: Run, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Return :func:`first_success` of each seed, with None for rates that are never reached.
-
-    Episodes while the scripted expert acts in some environments do not count.
-    """
-    config = run.config.effective()
-    share = config.imitation.until * config.imitation.expert_until
-    expert_steps = share * config.steps * config.ensemble_size
+    """Return :func:`first_success` of each seed, with None for rates that are never reached."""
     times = []
     for seed in seeds:
         lines = (run.seed_folder(seed) / PROGRESS).read_text(encoding="utf-8").splitlines()
         rows = [json.loads(line) for line in lines]
-        found = first_success([row for row in rows if row["steps"] > expert_steps])
+        found = first_success(rows)
         times.append({"seed": seed, "steps": None, "seconds": None} | (found or {}))
     return times
 

@@ -36,19 +36,17 @@ from numpy.typing import NDArray
 from torch.nn import functional
 
 from articulate.files import read_json_object, sha256, write_json
-from articulate.task.observation import OBSERVATION
+from articulate.task.observation import OBSERVATION, expert_action
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Ended, Episodes
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
-from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import corrected_action, correction_to
 from articulate_train.config import ActionScalingConfig
 from articulate_train.generalist import weights_file, write_weights
-from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network
 from articulate_train.run import versions
 from generalist_panels import KINDS, write_panel
@@ -92,11 +90,12 @@ MIRRORED_SIGNS = {
     "pending_actions": (*TWIST, -1),
     "last_action": (*TWIST, -1, 1),
     "path_rotation": TWIST[3:],
+    "expert_action": (*TWIST, -1, 1),
 }
 """Signs of fields of the observation in a scene that is mirrored at the vertical plane through the
 base of the arm; others stay the same."""
-EXPERT_ROUNDS = 5
-"""Rounds over which the share of environments in which the expert acts falls from 1 to 0."""
+NORMALIZED_ROUNDS = 5
+"""Rounds after which the normalization of observations no longer changes."""
 
 
 @dataclass
@@ -132,14 +131,12 @@ def stacked_scaling(scenes: Sequence[Scene]) -> ActionScalingConfig:
     configs = []
     for scene in scenes:
         path_m = scene.asset.handle_travel(scene.task.joint)
-        configs.append(ActionScalingConfig().for_task(scene.task, path_m))
+        configs.append(ActionScalingConfig().for_path(path_m))
     ranges = np.array([config.goal_range for config in configs], dtype=np.float32)
-    gains = np.array([[config.lead_gain] for config in configs], dtype=np.float32)
     return cast(
         ActionScalingConfig,
         SimpleNamespace(
-            **asdict(ActionScalingConfig())
-            | {"goal_range": (ranges[:, :1], ranges[:, 1:]), "lead_gain": gains}
+            **asdict(ActionScalingConfig()) | {"goal_range": (ranges[:, :1], ranges[:, 1:])}
         ),
     )
 
@@ -163,7 +160,6 @@ class Trainer:
         engine = ThreadEngine(scenes, n_envs)
         rows = [scenes[k] for k in engine.scene_of]
         self.tasks = np.array([records[k].task for k in engine.scene_of])
-        self.expert = make_scripted_expert(*rows)
         self.scaling = stacked_scaling(rows)
         self.episodes = Episodes(
             engine,
@@ -176,6 +172,8 @@ class Trainer:
         self.data = Data([], [])
         ones = torch.ones(OBSERVATION.size)
         self.network = Network(torch.zeros(OBSERVATION.size), ones, HIDDEN)
+        for parameter in self.network.head.parameters():
+            torch.nn.init.zeros_(parameter)  # begin as the scripted expert
         self._continued = weights is not None
         if weights is not None:
             with np.load(weights) as arrays:
@@ -190,23 +188,14 @@ class Trainer:
 
     def collect(self, k: int) -> list[Ended]:
         """Run an episode's length of control steps of round ``k`` and add to the data."""
-        n = self.episodes.engine.n_envs
-        share = 0.0 if self._continued else max(1.0 - k / EXPERT_ROUNDS, 0.0)
-        by_expert = self._rng.permutation(n) < round(share * n)
         self.episodes.progress = k / self.rounds
         ended = []
         for _ in range(self.episodes.engine.scene.n_steps):
             seen: Singles = self.observation.astype(np.float32)
-            scale = action_scales(self.scaling, seen)
-            compensation = lead_compensation(self.scaling, seen)
-            target = self.expert.act(self.episodes.estimated_state(), self.episodes.params)
-            unscaled = unscale_action(target, scale, compensation)
+            target = expert_action(self.episodes.observe_again())
             self.data.observations.append(seen)
-            self.data.actions.append(unscaled.astype(np.float32))
-            chosen = np.where(by_expert[:, None], unscaled, self.act(seen))
-            motions = chosen[:, :MOTIONS] * scale
-            motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - compensation, -1.0, 1.0)
-            step = self.episodes.step(np.concatenate([motions, chosen[:, MOTIONS:]], axis=1))
+            self.data.actions.append(correction_to(self.scaling, seen, target).astype(np.float32))
+            step = self.episodes.step(corrected_action(self.scaling, seen, self.act(seen)))
             self.observation = step.observation
             if step.ended is not None:
                 ended.append(step.ended)
@@ -215,7 +204,7 @@ class Trainer:
     def fit(self, k: int, batches: int) -> float:
         """Fit the network to all data after round ``k``; return the last mean loss."""
         network = self.network
-        if k <= EXPERT_ROUNDS and not self._continued:
+        if k <= NORMALIZED_ROUNDS and not self._continued:
             observations, actions = self.data.tensors()
             both = torch.cat([observations, mirrored(observations, actions)[0]])
             network.mean.copy_(both.mean(dim=0))

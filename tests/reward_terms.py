@@ -11,6 +11,7 @@ from articulate.robot.arm import PANDA
 from articulate.robot.control import GripperState
 from articulate.robot.kinematics import tool_pose
 from articulate.task.episode_monitor import COLUMN, WIDTH
+from articulate.task.grasp import Grasp
 from articulate.task.task import Task, goal_params
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.compiled.post_step import (
@@ -20,7 +21,6 @@ from articulate_envs.compiled.post_step import (
 )
 from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.engine import State
-from articulate_envs.grasp import Grasp
 from articulate_envs.rewards import (
     TERMS,
     RewardConfig,

@@ -228,7 +228,7 @@ def start_of(manifest: Manifest, params: EpisodeParams) -> Array:
 
 def _observation_params(manifest: Manifest, speed_scale: float) -> ObservationParams:
     constants = observation_params(
-        manifest.control, manifest.task, manifest.object, flip=manifest.placement.flip
+        manifest.control, manifest.task, manifest.object, manifest.placement
     )
     return constants._replace(step_s=constants.step_s * speed_scale)
 

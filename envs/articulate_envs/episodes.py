@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from articulate.task.episode_monitor import (
     goal_held,
     new_monitor,
 )
+from articulate.task.grasp import grasp_of
 from articulate.task.observation import ACTION, ObservationInputs, observation_params
 from articulate.task.randomization import EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
@@ -30,7 +31,6 @@ from articulate_envs.compiled.post_step import (
 from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.grasp import grasp_of
 from articulate_envs.initial_states import (
     concatenate_starts,
     home_start,
@@ -160,9 +160,7 @@ class Episodes:
             goal=stack_rows([goal_params(scene.task) for scene in scenes]),
             observation=stack_rows(
                 [
-                    observation_params(
-                        scene.control, scene.task, scene.asset, flip=scene.placement.flip
-                    )
+                    observation_params(scene.control, scene.task, scene.asset, scene.placement)
                     for scene in scenes
                 ]
             ),
@@ -197,14 +195,9 @@ class Episodes:
             raise EngineError("step before the first reset: call reset() first")
         return self._state
 
-    def estimated_state(self) -> State:
-        """Return the present state with pose of the handle and opening as the policy observes them.
-
-        Raises:
-            EngineError: There was no reset.
-        """
-        estimate = self._estimator.estimate(self._params, self._noise)
-        return replace(self.state, T_wh=estimate.T_wh, opened=estimate.opened)
+    def observe_again(self) -> Array:
+        """Return observations (N, size) of the present state with another sample of the noise."""
+        return self._observe(self._sample_noise())
 
     def reseed(self, seed: int | np.random.SeedSequence | np.random.Generator) -> None:
         """Set the seed of all random numbers from the next reset on, except precomputed states."""

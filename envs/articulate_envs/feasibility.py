@@ -16,12 +16,12 @@ import numpy as np
 
 from articulate.errors import ConfigError
 from articulate.task.episode_monitor import REASONS
+from articulate.task.observation import expert_action
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Ints
 from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
-from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 
 N_EPISODES = 64
@@ -95,11 +95,10 @@ def _run(episodes: Episodes) -> Ints:
     """
     scene = episodes.engine.scene
     codes = np.full(episodes.engine.n_envs, -1, dtype=np.int64)
-    expert = make_scripted_expert(scene)
-    episodes.reset()
-    params = episodes.params
+    observed = episodes.reset()
     for _ in range(scene.n_steps):
-        step = episodes.step(expert.act(episodes.estimated_state(), params))
+        step = episodes.step(expert_action(observed))
+        observed = step.observation
         if step.ended is not None:
             new = codes[step.ended.rows] < 0
             codes[step.ended.rows[new]] = step.ended.code[new]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from articulate.task.grasp import grasp_of
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
@@ -14,7 +15,6 @@ from articulate.transforms import Array, Ints, pose
 from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
-from articulate_envs.grasp import grasp_of
 
 if TYPE_CHECKING:  # configurations are light to import, scenes are not
     from articulate_envs.scene import Scene

@@ -16,14 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from articulate.config import check_above_0, check_bounds
 from articulate.errors import ConfigError
 from articulate.jit import row_function
+from articulate.task.grasp import HELD_SHARE, Grasp
 
 if TYPE_CHECKING:
     from articulate.task.task import Task
-    from articulate_envs.grasp import Grasp
 
-HELD_SHARE = 0.6
-"""Smallest opening of fingers with the handle between them, as a share of its thickness; closer
-fingers have grasped nothing."""
 TOUCH_M = 0.008
 """Fingers further apart than a handle's thickness and this do not both touch it [m]."""
 

@@ -24,13 +24,13 @@ from articulate.assets.asset import Handle
 from articulate.errors import ConfigError
 from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import tool_pose
+from articulate.task.grasp import MAX_ALONG_M, grasp_of
 from articulate.task.object_placement import ObjectPlacement
 from articulate.transforms import pose
 from articulate_envs.compiled.post_step import (
     handle_offset,
 )
 from articulate_envs.config import InitialStatesConfig
-from articulate_envs.grasp import MAX_ALONG_M, grasp_of
 from articulate_envs.rewards import (
     TERMS,
     Force,

@@ -8,14 +8,12 @@ from tests.scenes import DRAWS
 
 from articulate.robot.kinematics import relative
 from articulate.task.episode_monitor import REASONS, failure_reason
-from articulate.task.observation import ACTION
-from articulate.task.randomization import sample_episode_params
-from articulate.transforms import pose, rotation_angle
+from articulate.task.observation import ACTION, expert_action
+from articulate.transforms import rotation_angle
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
-from articulate_envs.initial_states import home_start, precompute_states
+from articulate_envs.initial_states import precompute_states
 from articulate_envs.rewards import RewardConfig
-from articulate_envs.scripted_expert import DEEP_M, _deep_m, make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 
 N = 24
@@ -34,11 +32,10 @@ def led(scene, steps=None):
         seed=0,
         renew=False,
     )
-    runs.reset()
-    expert, actions = make_scripted_expert(scene), []
+    actions, seen = [], runs.reset()
     for _ in range(steps or scene.n_steps):
-        actions.append(expert.act(runs.state, runs.params))
-        runs.step(actions[-1])
+        actions.append(expert_action(seen))
+        seen = runs.step(actions[-1]).observation
     engine.close()
     return runs, np.array(actions)
 
@@ -74,37 +71,9 @@ def test_gripper_that_has_closed_on_nothing_opens_and_goes_back(drawer):
     )
     bank = precompute_states(drawer, config, DRAWS, np.random.default_rng(0))
     engine = ThreadEngine(drawer, len(bank.q))
-    engine.reset(np.arange(len(bank.q)), bank)
-    actions = make_scripted_expert(drawer).act(engine.state(), bank.params)
+    runs = Episodes(engine, randomization=DRAWS, reward=RewardConfig(), initial_states=None, seed=0)
+    actions = expert_action(runs.reset(start=bank))
     engine.close()
     assert (actions[:, ACTION.slice("gripper")] == -1.0).all()
-    close_by = np.linalg.norm(relative(engine.state().T_wh, engine.state().T_wt)[:, :3, 3], axis=1)
+    close_by = np.linalg.norm(relative(runs.state.T_wh, runs.state.T_wt)[:, :3, 3], axis=1)
     assert (actions[close_by < 0.03, 2] < 0.0).all()
-
-
-def test_it_comes_to_the_handle_unless_a_finger_would_meet_its_front(drawer):
-    """The error of an estimated position, some millimetres beside it, does not keep it back."""
-    expert = make_scripted_expert(drawer)
-    at = pose(np.array([[0.0, 0.004, -0.05], [0.0, 0.008, -0.05], [0.0, 0.03, -0.05]]))
-    thin, thick = (replace(expert, thick_m=np.array([t])) for t in (0.012, 0.07))
-    stays_back = [
-        one._before(at, retreat=np.zeros(3, bool))[:, 2, 3] < 0.0 for one in (thin, thick)
-    ]
-    assert np.array_equal(stays_back, [[False, False, True], [False, True, True]])
-
-
-def test_it_closes_behind_the_middle_of_a_knob_that_has_room_there(drawer):
-    handle = drawer.asset.handle_of(drawer.task.joint)
-    knob = replace(handle, kind="knob", extent=(0.03, 0.03, 0.03))
-    flat = replace(knob, extent=(0.03, 0.03, 0.01))
-    assert [_deep_m(one) for one in (None, handle, flat, knob)] == [0.0, 0.0, 0.0, DEEP_M]
-
-
-def test_expert_is_deterministic(drawer):
-    sampled = sample_episode_params(DRAWS, np.random.default_rng(0), N, begin=drawer.task.begin)
-    engine = ThreadEngine(drawer, N)
-    engine.reset(np.arange(N), home_start(drawer, sampled))
-    state = engine.state()
-    engine.close()
-    expert = make_scripted_expert(drawer)
-    assert np.array_equal(expert.act(state, sampled), expert.act(state, sampled))

@@ -15,16 +15,17 @@ from articulate.task.observation import (
     GOAL_ERROR_UNIT,
     GRIPPER_SPEED_UNIT_M_S,
     HANDLE_UNIT_M,
-    JOINT_TRACKING_UNIT_RAD,
     OBSERVATION,
-    TRACKING_UNIT_M,
-    TRACKING_UNIT_RAD,
     WIDTH_UNIT_M,
 )
-from articulate.task.task import Task
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import (
+    GRIPPER_GAIN,
+    MIN_SCALE,
+    action_scales,
+    corrected_action,
+    correction_to,
+)
 from articulate_train.config import ActionScalingConfig
-from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network, Policy
 
 FINE = ActionScalingConfig(
@@ -36,7 +37,7 @@ FINE = ActionScalingConfig(
     goal_range=(-0.06, 0.02),
 )
 OPEN_M = 0.08
-NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)
+MOTIONS = ACTION.size - 1
 
 
 def seen(
@@ -46,8 +47,6 @@ def seen(
     width_m=OPEN_M,
     speed_m_s=0.0,
     beyond=-1.0,
-    lead=NO_LEAD,
-    bent=NO_BEND,
 ):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
@@ -56,8 +55,6 @@ def seen(
     fields["gripper_width"] = np.array([[width_m / WIDTH_UNIT_M]])
     fields["gripper_speed"] = np.array([[speed_m_s / GRIPPER_SPEED_UNIT_M_S]])
     fields["goal_error_fine"] = np.array([[beyond / GOAL_ERROR_UNIT]])
-    fields["joint_tracking_error"] = bent[None] / JOINT_TRACKING_UNIT_RAD
-    fields["tracking_error"] = lead[None] / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
     return OBSERVATION.pack(fields)
 
 
@@ -122,114 +119,73 @@ def test_shares_lie_between_the_least_and_one(
     assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
-AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
-"""The target of the tool is 10 cm and 0.1 rad ahead."""
-LEADS = ActionScalingConfig(
-    lead_gain=0.5,
-    max_lead_m=(0.08, 0.02),
-    max_lead_rad=(0.3, 0.05),
-    goal_range=(-0.2, 0.0),
-    stop_range=(0.0, 0.1),
-)
-
-
-@pytest.mark.parametrize(
-    ("beyond", "allowed_m"),
-    [
-        (-0.25, 1.0),  # far from the target it may be ahead as it likes
-        (-0.2, 1.0),
-        (-0.18, 0.074),
-        (-0.1, 0.05),
-        (0.0, 0.02),
-        (0.05, 0.01),
-        (0.1, 0.0),  # shut
-    ],
-)
-def test_what_the_target_is_ahead_by_too_much_is_compensated(beyond, allowed_m):
-    got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=AHEAD))
-    much = max(0.0, 1.0 - allowed_m / 0.1)
-    units = AHEAD / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
-    assert_allclose(got, [0.5 * much * units], atol=1e-4)
-
-
-@pytest.mark.parametrize(("beyond", "allowed_rad"), [(-0.1, 0.175), (0.0, 0.05), (0.05, 0.025)])
-def test_the_joint_that_is_farthest_ahead_counts_as_well(beyond, allowed_rad):
-    """Of two bounds the one that takes back more."""
-    bent = np.array([0.0, 0.1, -0.25, 0.05, 0.0, 0.2, -0.1])
-    lead = 0.1 * AHEAD
-    got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=lead, bent=bent))
-    units = lead / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
-    assert_allclose(got, [0.5 * (1.0 - allowed_rad / 0.25) * units], atol=1e-4)
-
-
-def test_nothing_is_compensated_of_a_lead_that_is_allowed():
-    got = lead_compensation(LEADS, seen(0.3, beyond=0.0, lead=0.19 * AHEAD))
-    assert_allclose(got, np.zeros((1, 6)), atol=1e-12)
-
-
 def one_network(action_scaling):
     """A policy with one network that normalises nothing."""
     zeros, ones = torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size)
     return Policy([Network(zeros, ones, (4,))], action_scaling)
 
 
-def test_policy_compensates_on_top_of_what_it_reports_within_what_a_step_may_do():
-    policy = one_network(LEADS)
-    with torch.no_grad():
-        policy.networks[0].head.weight.zero_()
-        policy.networks[0].head.bias.fill_(0.5)
-    row = seen(0.5, beyond=0.1, lead=AHEAD)
-    want = 0.5 * LEADS.at_goal - lead_compensation(LEADS, row)[0]
-    got = policy.act(row)[0]
-    assert_allclose(got[:ELBOW], np.clip(want, -1.0, 1.0), rtol=1e-5)
-    assert_allclose(got[ELBOW], 0.5 * LEADS.at_goal, rtol=1e-6)
-    assert_allclose(policy.act(seen(0.5, beyond=0.1, lead=9 * AHEAD))[0, 2], -1.0)
+def expert(row, action):
+    """The observations ``row`` (N, size) with an action of the scripted expert."""
+    row = row.copy()
+    row[:, OBSERVATION.slice("expert_action")] = action
+    return row
+
+
+def test_without_a_correction_the_action_is_that_of_the_expert():
+    action = np.linspace(-1.0, 1.0, ACTION.size)
+    row = expert(np.concatenate([seen(0.02), seen(0.5, beyond=0.1)]), action)
+    assert_allclose(corrected_action(FINE, row, np.zeros((2, ACTION.size))), [action] * 2)
 
 
 @given(
-    calls=st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
+    start=st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
+    target=st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
     beyond=st.floats(-0.3, 0.1),
-    ahead=st.floats(0.0, 0.05),
+    distance_m=st.floats(0.0, 0.3),
 )
-def test_what_the_expert_requests_comes_of_what_a_policy_would_state(calls, beyond, ahead):
-    row = seen(0.5, beyond=beyond, lead=ahead * AHEAD / 0.1)
-    action_scaling = dataclasses.replace(LEADS, at_goal=0.5)
-    left, back = action_scales(action_scaling, row), lead_compensation(action_scaling, row)
-    words = unscale_action(np.array([calls]), left, back)
-    done = words[:, :MOTIONS] * left
-    done[:, :ELBOW] -= back
-    full = np.all(np.abs(words[:, :MOTIONS]) < 1.0, axis=0)
-    assert_allclose(done[0][full], np.array(calls)[:MOTIONS][full], atol=1e-6)
-    assert np.all(np.abs(words) <= 1.0)
+def test_the_correction_to_an_action_results_in_it_within_its_bounds(
+    start, target, beyond, distance_m
+):
+    row = expert(seen(distance_m, beyond=beyond), start)
+    config = dataclasses.replace(FINE, at_goal=1.0)
+    correction = correction_to(config, row, np.array([target]))
+    assert np.all(np.abs(correction) <= 1.0)
+    inside = np.abs(correction[0]) < 1.0
+    got = corrected_action(config, row, correction)[0]
+    assert_allclose(got[inside], np.array(target)[inside], atol=1e-6)
+    assert_allclose(got[-1], target[-1], atol=1e-6)  # the gripper can always be reversed
+
+
+def test_a_correction_at_the_goal_is_bounded_though_its_scale_is_small():
+    row = expert(seen(0.5, beyond=0.1), np.zeros(ACTION.size))
+    target = np.full((1, ACTION.size), 0.15)
+    assert_allclose(correction_to(FINE, row, target)[0, :MOTIONS], 0.15 / MIN_SCALE)
+    assert_allclose(correction_to(FINE, row, target)[0, MOTIONS:], 0.15 / GRIPPER_GAIN)
 
 
 def test_arrays_and_tensors_give_the_same():
     rng = np.random.default_rng(0)
     rows = rng.uniform(-1.0, 1.0, (64, OBSERVATION.size)).astype(np.float32)
-    for of in (action_scales, lead_compensation):
-        assert_allclose(of(FINE, torch.as_tensor(rows)).numpy(), of(FINE, rows), rtol=1e-5)
+    other = rng.uniform(-1.0, 1.0, (64, ACTION.size)).astype(np.float32)
+    tensors = torch.as_tensor(rows), torch.as_tensor(other)
+    assert_allclose(action_scales(FINE, tensors[0]).numpy(), action_scales(FINE, rows), rtol=1e-5)
+    for of in (corrected_action, correction_to):
+        assert_allclose(of(FINE, *tensors).numpy(), of(FINE, rows, other), rtol=1e-5, atol=1e-6)
 
 
-def test_policy_scales_motions_and_leaves_the_grippers_command():
+def test_policy_scales_its_corrections_but_not_that_of_the_gripper():
     policy = one_network(FINE)
     with torch.no_grad():
         policy.networks[0].head.weight.zero_()
         policy.networks[0].head.bias.copy_(torch.linspace(-2.0, 0.5, ACTION.size))
-    text = np.clip(np.linspace(-2.0, 0.5, ACTION.size), -1.0, 1.0)
-    far, near = policy.act(np.concatenate([seen(0.5), seen(0.02)]))
-    assert_allclose(far, text, rtol=1e-6)
-    assert_allclose(near[:MOTIONS], 0.4 * text[:MOTIONS], rtol=1e-6)
-    assert_allclose(near[MOTIONS:], text[MOTIONS:], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("target", "stop", "heard"),
-    [(0.05, 0.0, True), (0.95, 1.0, True), (0.41, 1.0, False), (0.8, None, False)],
-)
-def test_leads_are_compensated_where_the_stop_is_near_the_target(target, stop, heard):
-    task = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=target, stop=stop)
-    want = LEADS if heard else dataclasses.replace(LEADS, lead_gain=0.0)
-    assert LEADS.for_task(task, None) == want
+    correction = np.clip(np.linspace(-2.0, 0.5, ACTION.size), -1.0, 1.0)
+    rows = expert(np.concatenate([seen(0.5), seen(0.02)]), np.full(ACTION.size, -0.25))
+    far, near = policy.act(rows)
+    for got, scale in ((far, 1.0), (near, 0.4)):
+        want = np.clip(-0.25 + scale * correction[:MOTIONS], -1.0, 1.0)
+        assert_allclose(got[:MOTIONS], want, rtol=1e-5)
+        assert_allclose(got[MOTIONS:], -0.25 + GRIPPER_GAIN * correction[MOTIONS:], rtol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -237,8 +193,7 @@ def test_leads_are_compensated_where_the_stop_is_near_the_target(target, stop, h
 )
 def test_motions_are_finer_over_at_most_a_bounded_length_of_the_handle(path_m, begin):
     action_scaling = ActionScalingConfig(goal_range=(-0.2, 0.0), goal_range_max_m=0.05)
-    task = Task(name="open_door", joint="j", kind="hinge", span=1.5, target=0.8)
-    assert_allclose(action_scaling.for_task(task, path_m).goal_range, (begin, 0.0), rtol=1e-12)
+    assert_allclose(action_scaling.for_path(path_m).goal_range, (begin, 0.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -251,12 +206,6 @@ def test_motions_are_finer_over_at_most_a_bounded_length_of_the_handle(path_m, b
         {"while_closing": 0.0},
         {"while_closing": 1.01},
         {"closed_width_m": (0.08, 0.07)},
-        {"max_lead_m": (0.02, 0.03)},
-        {"max_lead_m": (0.08, -0.01)},
-        {"max_lead_rad": (0.05, 0.06)},
-        {"stop_range": (0.05, 0.03)},
-        {"lead_gain": -0.1},
-        {"lead_gain": float("nan")},
         {"closed_speed_m_s": 0.0},
         {"near_handle": float("nan")},
         {"at_goal": 0.0},

@@ -13,7 +13,7 @@ from articulate.errors import ConfigError, RunError
 from articulate.onnx_runtime import onnxruntime
 from articulate.task.observation import OBSERVATION
 from articulate_deploy.onnx_graph import check_graph
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import corrected_action
 from articulate_train.config import TrainConfig
 from articulate_train.ensemble import Ensemble
 from articulate_train.export import golden_pairs, to_onnx
@@ -199,11 +199,8 @@ def test_the_policy_is_the_mean_of_what_they_state(two):
         text = [policy_of(c).networks[0](torch.as_tensor(seen)).numpy() for c in (one, other)]
     mean = (text[0] + text[1]) / 2.0
     assert np.abs(text[0] - text[1]).max() > 0.1
-    want = mean.copy()
-    want[:, :MOTIONS] *= action_scales(policy.action_scaling, seen)
-    want[:, :ELBOW] -= lead_compensation(policy.action_scaling, seen)
-    got = policy.act(seen.astype(np.float64))
-    np.testing.assert_allclose(got, np.clip(want, -1.0, 1.0).astype(np.float64), atol=1e-6)
+    want = corrected_action(policy.action_scaling, seen, mean)
+    np.testing.assert_allclose(policy.act(seen.astype(np.float64)), want, atol=1e-6)
 
 
 def test_the_network_of_a_bundle_reports_the_same(two):

@@ -16,7 +16,7 @@ from articulate.errors import RunError, UsageError
 from articulate.onnx_runtime import onnxruntime
 from articulate.task.manifest import decode_manifest
 from articulate.task.observation import OBSERVATION
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import corrected_action
 from articulate_train.commands.export import main
 from articulate_train.config import ActionScalingConfig
 from articulate_train.export import (
@@ -69,11 +69,8 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
         network = policy.networks[0]
         linear = network.head(network.body(torch.zeros(1, OBSERVATION.size)))
     mean = network.mean.numpy()[None]
-    action = torch.clamp(linear, -1, 1).numpy()
-    action[:, :MOTIONS] *= action_scales(ActionScalingConfig(), mean)
-    action[:, :ELBOW] = np.clip(
-        action[:, :ELBOW] - lead_compensation(ActionScalingConfig(), mean), -1, 1
-    )
+    correction = torch.clamp(linear, -1, 1).numpy()
+    action = corrected_action(ActionScalingConfig(), mean, correction)
     assert_allclose(act(model, mean), action, rtol=0, atol=1e-5)
 
 

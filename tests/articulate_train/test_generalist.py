@@ -108,7 +108,7 @@ def test_a_training_from_the_policy_has_the_configuration_of_fine_tuning(config)
     start = replace(config, steps=300_000)
     found, own = start.effective(), start.fine_tuning
     assert found.imitation.until * 300_000 == pytest.approx(own.imitation_steps)
-    assert (found.imitation.expert_until, found.imitation.aggregate) == (0.0, True)
+    assert found.imitation.aggregate
     assert found.imitation.learning_rate == own.imitation_learning_rate
     assert found.ppo.learning_rate == own.learning_rate
     assert found.ppo.learning_rate_final == own.learning_rate_final

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.errors import ConfigError
-from articulate.task.observation import ACTION
-from articulate_train.action_scaling import ELBOW, MOTIONS
+from articulate.task.observation import ACTION, expert_action
+from articulate.task.randomization_config import NO_RANDOMIZATION
+from articulate_train.action_scaling import corrected_action
 from articulate_train.config import ImitationConfig
-from articulate_train.imitation import MIN_SCALE, ImitationData, imitate, unscale_action
+from articulate_train.imitation import ImitationData, imitate
 from articulate_train.policy import read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
 
@@ -23,23 +23,9 @@ def learner_of(tiny, **show):
     return Learner(tiny.scene(), config, 0, threads=1)
 
 
-def test_what_has_to_be_reported_gives_what_is_requested_as_far_as_words_reach():
-    rng = np.random.default_rng(0)
-    calls, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
-    words = unscale_action(calls, left, np.zeros((50, ELBOW)))
-    assert_array_equal(words[:, MOTIONS:], calls[:, MOTIONS:])
-    assert np.abs(words[:, :MOTIONS]).max() <= 1.0
-    enough = left[:, 0] >= MIN_SCALE
-    assert_allclose((words[:, :MOTIONS] * left)[enough], calls[enough, :MOTIONS], atol=1e-12)
-
-
-def test_showing_ends_and_leads_fewer_and_fewer():
-    show = ImitationConfig(until=0.2, expert_until=0.5)
-    assert [show.is_active(p) for p in (0.0, 0.19, 0.2, 1.0)] == [True, True, False, False]
-    assert [show.expert_share(p) for p in (0.0, 0.05, 0.1, 0.5)] == pytest.approx(
-        [1.0, 0.5, 0.0, 0.0]
-    )
-    assert ImitationConfig(until=0.2, expert_until=0.0).expert_share(0.0) == 0.0
+def test_imitation_ends():
+    config = ImitationConfig(until=0.2)
+    assert [config.is_active(p) for p in (0.0, 0.19, 0.2, 1.0)] == [True, True, False, False]
     assert not ImitationConfig(until=0.0).is_active(0.0)
 
 
@@ -49,16 +35,22 @@ def test_shares_of_showing_are_shares(error_line):
         ImitationConfig(epochs=0)
 
 
-def test_where_the_expert_leads_the_arm_does_what_it_reports(tiny):
-    one = learner_of(tiny, until=1.0)
-    env = one.envs
-    env.expert, env.n_expert_envs = one._expert, 2
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_corrections_that_are_imitated_remove_the_noise_in_the_mean(tiny, noise_m):
+    config = replace(tiny.config, randomization=replace(NO_RANDOMIZATION, estimate_noise_m=noise_m))
+    one = Learner(tiny.scene(), config, 0, threads=1)
+    env, runs = one.envs, one.envs.episodes
+    env.imitates = True
     env.reset()
-    mine = np.full((env.num_envs, ACTION.size), -0.25, dtype=np.float32)
-    env.step(mine)
-    assert_allclose(env._action[:2, MOTIONS:], env.expert_actions[0][:2, MOTIONS:])
-    assert_allclose(env._action[2:, MOTIONS:], -0.25)
-    assert (mine == -0.25).all()
+    seen, wanted = env._seen, []
+    for _ in range(400):
+        env.step_async(np.zeros((env.num_envs, ACTION.size), dtype=np.float32))
+        wanted.append(env.wanted[-1])
+    exact = expert_action(runs._observe(np.zeros_like(runs._noise)))
+    corrected = corrected_action(env.action_scaling, seen, np.mean(wanted, axis=0))
+    before, after = (np.abs(a - exact).mean() for a in (expert_action(seen), corrected))
+    assert after <= 0.3 * before + 1e-6
+    assert (before > 1e-3) == (noise_m > 0.0)
     one.close()
 
 
@@ -68,7 +60,7 @@ def test_imitation_brings_the_mean_action_to_what_was_imitated_and_the_value_to_
     policy, buffer, values = (
         one.model.policy,
         one.model.rollout_buffer,
-        np.stack(one.envs.expert_actions),
+        np.stack(one.envs.wanted),
     )
     rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, values)]
     seen, returns, wanted = (torch.as_tensor(row, dtype=torch.float32) for row in rows)

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 from articulate.errors import ConfigError, DivergedError
 from articulate.task.observation import OBSERVATION
 from articulate_envs.privileged_observation import PRIVILEGED
-from articulate_train.action_scaling import MOTIONS, action_scales
+from articulate_train.action_scaling import corrected_action
 from articulate_train.config import PpoConfig
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
@@ -136,8 +136,8 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     )
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
-    expected = np.clip(mean.numpy(), -1, 1)
-    expected[:, :MOTIONS] *= action_scales(policy.action_scaling, seen_raw)
+    correction = np.clip(mean.numpy(), -1, 1)
+    expected = corrected_action(policy.action_scaling, seen_raw, correction)
     np.testing.assert_allclose(policy.act(seen_raw), expected, atol=1e-5)
 
 

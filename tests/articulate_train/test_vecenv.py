@@ -15,11 +15,11 @@ from articulate_envs.initial_states import home_start
 from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
-from articulate_train.action_scaling import MOTIONS
 from articulate_train.config import ActionScalingConfig
 from articulate_train.vecenv import EpisodesVecEnv
 
 N = 4
+MOTIONS = ACTION.size - 1
 
 
 @pytest.fixture

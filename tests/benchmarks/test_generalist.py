@@ -13,9 +13,15 @@ from articulate.task.observation import (
     ObservationParams,
     observation,
 )
+from articulate.task.scripted_expert import ExpertParams
 from generalist import mirrored
 
 N = 16
+EXPERT = ExpertParams(
+    move_m=0.008, turn_rad=0.02, hinge=False, axis_h=np.array([0.0, 0.0, -1.0]),
+    pivot_h=np.zeros(3), span=0.4, along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
+    shut=False, hooks=False, aim=0.86,
+)  # fmt: skip
 ANGLES = np.array([-1, 1, -1, 1, -1, 1, -1])
 OFFSET = np.array([0, 0, 0, 0, 0, 0, np.pi / 2])
 ACROSS, TWIST = np.array([1, -1, 1]), np.array([1, -1, 1, -1, 1, -1])
@@ -37,7 +43,7 @@ def observed(q, dq, target, T_wh, force, pending, action, direction, rotation):
     )
     estimate = Estimate(T_wh, np.full(N, 0.3), np.full(N, 0.1))
     size = np.array([0.1, 0.01, 0.02])
-    params = ObservationParams(0.05, 0.008, 0.8, False, direction, rotation, 0.4, size)
+    params = ObservationParams(0.05, 0.008, 0.8, False, direction, rotation, 0.4, size, EXPERT)
     return observation(inputs, estimate, force, 0.5, params)
 
 

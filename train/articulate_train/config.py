@@ -25,7 +25,7 @@ from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
 
 if TYPE_CHECKING:
-    from articulate.task.task import Task
+    pass
 
 GENERALIST_TASKS = (
     "open_drawer", "open_door", "open_lid", "close_drawer", "close_door", "close_lid",
@@ -114,18 +114,15 @@ class PpoConfig:
 class ImitationConfig:
     """Imitation phase at the beginning of training.
 
-    DAgger (Ross, Gordon and Bagnell, 2011): the policy learns the actions of the privileged
-    scripted expert (:mod:`articulate_envs.scripted_expert`) at the states it visits itself, from
-    its own observations. The expert has the errors of the policy's estimate of the object. PPO
-    trains the policy for the rest of the control steps.
+    The policy sees the action of the scripted expert (:mod:`articulate.task.scripted_expert`) and
+    corrects it. At the states it visits (DAgger; Ross, Gordon and Bagnell, 2011) it learns the
+    expert's action at another sample of the noise, so that in the mean it removes the noise; the
+    value function is fitted as well. PPO trains the policy for the rest of the control steps.
     """
 
     until: float = 0.1
     """Fraction of the seed's control steps with imitation, for each ensemble member; 0 turns
     imitation off."""
-    expert_until: float = 0.6
-    """Fraction of the imitation phase in which the expert acts in some environments: in all at
-    first, linearly fewer until here."""
     epochs: int = 8
     """Passes over the samples of an update."""
     learning_rate: float = 1e-3
@@ -134,7 +131,7 @@ class ImitationConfig:
     """Fit the policy to the samples of all updates of the phase instead of those of the last."""
 
     def __post_init__(self) -> None:
-        check_bounds("imitation", self, 0.0, 1.0, "until", "expert_until")
+        check_bounds("imitation", self, 0.0, 1.0, "until")
         check_above_0("imitation", self, "learning_rate")
         check_least(1, {"imitation.epochs": self.epochs})
 
@@ -142,22 +139,15 @@ class ImitationConfig:
         """Return whether imitation still runs at ``progress`` in [0, 1] of the training."""
         return progress < self.until
 
-    def expert_share(self, progress: float) -> float:
-        """Return the fraction of the environments in which the expert acts at ``progress``."""
-        if not self.is_active(progress) or self.expert_until == 0.0:
-            return 0.0
-        return max(1.0 - progress / (self.until * self.expert_until), 0.0)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ActionScalingConfig:
-    """Action scaling near the handle and near the goal."""
+    """Scaling of the policy's corrections near the handle and near the goal."""
 
     near_handle: float = 0.35
-    """Scale of motions at the handle while the gripper is open; 1 turns scaling off."""
+    """Scale of corrections at the handle while the gripper is open; 1 turns scaling off."""
     while_closing: float = 0.25
-    """Scale from the closing command until the fingers have closed. Closing takes up to 2 s; a
-    gripper that stood still meanwhile would grasp where the handle was."""
+    """Scale from the closing command until the fingers have closed, which takes up to 2 s."""
     near_m: float = 0.03
     """Distance to the handle within which these scales apply fully [m]."""
     far_m: float = 0.10
@@ -169,23 +159,11 @@ class ActionScalingConfig:
     """Speed of the opening from which the gripper is not at rest [m/s]; closing, it has 0.1."""
     at_goal: float = 0.1
     """Scale at the goal, independent of the handle. It limits drift while the part is held, and
-    the force on a closed part: 40 N at a closing speed of 0.1 m/s without it."""
+    the force on a closed part."""
     goal_range: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the travel relative to the target between which ``at_goal`` fades in."""
     goal_range_max_m: float = 0.05
     """Maximum length of that range along the handle's path [m]."""
-    max_lead_m: tuple[float, float] = (0.06, 0.01)
-    """Maximum distance of the tool's target ahead of the tool, at the start and at the end of
-    ``goal_range`` [m]; the excess is compensated. The part is slow when it reaches its stop, and
-    actions do not add up to a force there."""
-    max_lead_rad: tuple[float, float] = (0.2, 0.03)
-    """The same for the joint with the largest tracking error [rad]; a nearly straight arm presses
-    hard with little of it."""
-    stop_range: tuple[float, float] = (0.03, 0.05)
-    """Fractions of the travel beyond the target between which the maximum lead falls to 0."""
-    lead_gain: float = 3.0
-    """Compensating motion of a control step, as a fraction of the largest motion, for 5 cm or
-    0.2 rad of excess; 0 in tasks whose stop is far beyond the target."""
 
     def __post_init__(self) -> None:
         for name in ("near_handle", "while_closing", "at_goal"):
@@ -199,51 +177,29 @@ class ActionScalingConfig:
                 f"action_scaling.near_m is {self.near_m} and action_scaling.far_m {self.far_m}; "
                 "they must grow from 0"
             )
-        for name in ("goal_range", "stop_range"):
-            begin, end = getattr(self, name)
-            if not GOAL_ERROR_RANGE[0] <= begin < end <= GOAL_ERROR_RANGE[1]:
-                raise ConfigError(
-                    f"action_scaling.{name} is {begin} {end}; it must be two growing fractions in "
-                    f"[{GOAL_ERROR_RANGE[0]:g}, {GOAL_ERROR_RANGE[1]:g}]"
-                )
+        begin, end = self.goal_range
+        if not GOAL_ERROR_RANGE[0] <= begin < end <= GOAL_ERROR_RANGE[1]:
+            raise ConfigError(
+                f"action_scaling.goal_range is {begin} {end}; it must be two growing fractions in "
+                f"[{GOAL_ERROR_RANGE[0]:g}, {GOAL_ERROR_RANGE[1]:g}]"
+            )
         begin, end = self.closed_width_m
         if not 0.0 <= begin < end:
             raise ConfigError(
                 f"action_scaling.closed_width_m is {begin} {end}; it must be two growing openings"
             )
         check_above_0("action_scaling", self, "goal_range_max_m", "closed_speed_m_s")
-        self._check_leads()
 
-    def _check_leads(self) -> None:
-        for name in ("max_lead_m", "max_lead_rad"):
-            first, last = getattr(self, name)
-            if not math.inf > first >= last >= 0.0:
-                raise ConfigError(
-                    f"action_scaling.{name} is {first} {last}; it must be finite, not below 0 and "
-                    "fall"
-                )
-        if not 0.0 <= self.lead_gain < math.inf:
-            raise ConfigError(
-                f"action_scaling.lead_gain is {self.lead_gain}; it must be finite and at least 0"
-            )
-
-    def for_task(self, task: Task, path_m: float | None) -> ActionScalingConfig:
-        """Return the configuration of ``task``.
-
-        Leads are compensated where a part reaches its stop only: a part whose stop is farther
-        beyond the target than the policy observes presses on nothing, and a lid that is held open
-        would sag.
+    def for_path(self, path_m: float | None) -> ActionScalingConfig:
+        """Return the configuration of a task whose handle moves by ``path_m`` [m].
 
         Args:
-            task: The task.
             path_m: Length of the handle's path from closed to open [m]; None without a handle.
         """
-        stop = math.inf if task.stop is None else abs(task.stop - task.target)
-        gain = self.lead_gain if stop <= GOAL_ERROR_RANGE[1] else 0.0
         begin, end = self.goal_range
         if path_m is not None:
             begin = max(begin, end - self.goal_range_max_m / path_m)
-        return replace(self, lead_gain=gain, goal_range=(begin, end))
+        return replace(self, goal_range=(begin, end))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -439,7 +395,6 @@ class TrainConfig:
             imitation=replace(
                 self.imitation,
                 until=min(own.imitation_steps / self.steps, 0.99 / self.ensemble_size),
-                expert_until=0.0,
                 learning_rate=own.imitation_learning_rate,
                 aggregate=True,
             ),
@@ -489,7 +444,6 @@ class TrainConfig:
 
 REPLACED = (
     "imitation.until",
-    "imitation.expert_until",
     "imitation.learning_rate",
     "imitation.aggregate",
     "ppo.net_arch",

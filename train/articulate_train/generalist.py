@@ -75,7 +75,7 @@ def generalist_state(config: TrainConfig, scene: Scene) -> dict[str, Any]:
     if len(weights["mean"]) != OBSERVATION.size:
         raise ConfigError(f"{path}: made for another version of the observations")
     path_m = scene.asset.handle_travel(scene.task.joint)
-    scaling = config.action_scaling.for_task(scene.task, path_m)
+    scaling = config.action_scaling.for_path(path_m)
     return {
         "policy": policy,
         "net_arch": hidden,

@@ -5,34 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import torch
 from stable_baselines3 import PPO
 from torch import Tensor
 from torch.nn import functional
 
 from articulate.transforms import Array
-from articulate_train.action_scaling import ELBOW, MOTIONS
 from articulate_train.config import ImitationConfig
-
-MIN_SCALE = 0.3
-"""Lower bound of the action scale when the expert's action is inverted: a waiting gripper must not
-correct millimetres with its largest motion."""
-
-
-def unscale_action(target: Array, scale: Array, compensation: Array) -> Array:
-    """Return the policy actions (N, 8) that result in ``target`` after action scaling.
-
-    Args:
-        target: Actions for arm and gripper (N, 8), in [-1, 1].
-        scale: Scales of motions (N, 1); :func:`articulate_train.action_scaling.action_scales`.
-        compensation: Subtracted tool motions (N, 6);
-            :func:`articulate_train.action_scaling.lead_compensation`.
-    """
-    motions = target[:, :MOTIONS].copy()
-    motions[:, :ELBOW] += compensation
-    motions = np.clip(motions / np.maximum(scale, MIN_SCALE), -1.0, 1.0)
-    return np.concatenate([motions, target[:, MOTIONS:]], axis=1)
 
 
 @dataclass
@@ -42,7 +21,7 @@ class ImitationData:
     observations: list[Tensor] = field(default_factory=list)
     """Normalized observations of each update (M, size)."""
     actions: list[Tensor] = field(default_factory=list)
-    """Unscaled actions of the expert (M, 8), in [-1, 1]."""
+    """Corrections to imitate (M, 8), in [-1, 1]."""
 
     def add(self, observations: Tensor, actions: Tensor, *, keep: bool) -> tuple[Tensor, Tensor]:
         """Add the samples of an update; return all, or only these if ``keep`` is false."""
@@ -72,23 +51,19 @@ class ImitationData:
             self.actions.append(content["actions"])
 
 
-def imitate(
-    model: PPO, expert_actions: Array, config: ImitationConfig, data: ImitationData
-) -> None:
-    """Fit the mean action to the expert's actions, and the value function to the returns.
+def imitate(model: PPO, corrections: Array, config: ImitationConfig, data: ImitationData) -> None:
+    """Fit the mean correction to the wanted ones, and the value function to the returns.
 
     Args:
         model: PPO with a full rollout buffer.
-        expert_actions: Actions of the expert at the observations of the rollout (T, N, 8), in
+        corrections: Corrections to imitate at the observations of the rollout (T, N, 8), in
             [-1, 1].
         config: Number of epochs and learning rate.
         data: Samples of earlier updates, to which those of the rollout are added.
     """
     policy: Any = model.policy
     buffer: Any = model.rollout_buffer
-    rows = [
-        buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, expert_actions)
-    ]
+    rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, corrections)]
     observations, returns, targets = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
     for group in policy.optimizer.param_groups:
         group["lr"] = config.learning_rate

@@ -19,7 +19,7 @@ from articulate.files import sha256, write_bytes
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
 from articulate.untrusted import read_bounded
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import corrected_action
 from articulate_train.config import ActionScalingConfig
 
 CHECKPOINT = "checkpoint.pt"
@@ -37,7 +37,7 @@ MAX_REASON_CHARS = 160
 
 
 class Network(nn.Module):
-    """One trained network: raw observations (N, size) to actions (N, 8) before action scaling."""
+    """One trained network: raw observations (N, size) to corrections (N, 8) of the expert."""
 
     mean: Tensor
     scale: Tensor
@@ -61,14 +61,14 @@ class Network(nn.Module):
         self.head = nn.Linear(widths[-1], ACTION.size)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Return the mean action (N, 8), clipped to [-1, 1]."""
+        """Return the mean correction (N, 8), clipped to [-1, 1]."""
         normalized = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
         action: Tensor = torch.clamp(self.head(self.body(normalized)), -1.0, 1.0)
         return action
 
 
 class Policy(nn.Module):
-    """Ensemble: raw observations (N, size) to scaled actions (N, 8) in [-1, 1], float32."""
+    """Ensemble: raw observations (N, size) to actions (N, 8) in [-1, 1], float32."""
 
     def __init__(self, networks: Sequence[Network], action_scaling: ActionScalingConfig) -> None:
         """Combine the networks of the active members, equally weighted."""
@@ -81,15 +81,13 @@ class Policy(nn.Module):
         """Index of the only active ensemble member; None if all are active."""
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Return the scaled mean action of the members (N, 8)."""
+        """Return the action of the expert with the mean correction of the members (N, 8)."""
         action = self.networks[0](observation)
         for network in list(self.networks)[1:]:
             action = action + network(observation)
         action = action / float(len(self.networks))
-        motions = action[:, :MOTIONS] * action_scales(self.action_scaling, observation)
-        tool = motions[:, :ELBOW] - lead_compensation(self.action_scaling, observation)
-        tool = torch.clamp(tool, -1.0, 1.0)
-        return torch.cat([tool, motions[:, ELBOW:], action[:, MOTIONS:]], dim=1)
+        corrected: Tensor = corrected_action(self.action_scaling, observation, action)
+        return corrected
 
     def act(self, observation: Array) -> Array:
         """Return actions (N, 8) in [-1, 1] for raw observations (N, size)."""

@@ -25,7 +25,6 @@ from articulate.task.observation import OBSERVATION
 from articulate_envs.engines import make_engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
-from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.generalist import generalist_state, load_initial, with_layers
 from articulate_train.imitation import ImitationData, imitate
@@ -43,7 +42,7 @@ class Learner:
         self.config = config = config.effective()
         stream = np.random.SeedSequence([seed, TRAINING, member])
         path_m = scene.asset.handle_travel(scene.task.joint)
-        self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
+        self.action_scaling = config.action_scaling.for_path(path_m)
         start = None
         if config.starts_from_generalist:
             start = generalist_state(config, scene)
@@ -58,7 +57,6 @@ class Learner:
             seed=stream,
         )
         self.envs = EpisodesVecEnv(self.episodes, self.action_scaling)
-        self._expert = make_scripted_expert(scene)
         self._imitation_data = ImitationData()
         self.normalization = VecNormalize(self.envs, gamma=ppo.gamma)
         model_seed = seed if member == 0 else int(stream.generate_state(1)[0])
@@ -120,20 +118,17 @@ class Learner:
             raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
 
     def _prepare_imitation(self) -> None:
-        """Set the expert and its number of environments for the current progress."""
-        imitation, progress = self.config.imitation, self.episodes.progress
-        active = imitation.is_active(progress)
-        self.envs.expert = self._expert if active else None
-        self.envs.n_expert_envs = round(imitation.expert_share(progress) * self.config.ppo.n_envs)
-        self.envs.expert_actions.clear()
+        """Begin or end the imitation phase."""
+        self.envs.imitates = self.config.imitation.is_active(self.episodes.progress)
+        self.envs.wanted.clear()
 
     def _update(self) -> None:
         """Update on the rollout: by imitation in its phase, else by PPO."""
-        if self.envs.expert is None:
+        if not self.envs.imitates:
             self._imitation_data.clear()
             self.model.train()
         else:
-            actions, config = np.stack(self.envs.expert_actions), self.config.imitation
+            actions, config = np.stack(self.envs.wanted), self.config.imitation
             imitate(self.model, actions, config, self._imitation_data)
 
     def is_finite(self) -> bool:

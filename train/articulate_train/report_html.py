@@ -29,10 +29,10 @@ from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
 
 TRAINING_TEXT = (
-    "A scripted expert with privileged state is imitated (DAgger) for the first 10 to 20 % of the "
-    "steps; PPO trains the policy for the rest. By default a seed is an ensemble of two policies, "
-    "and its checkpoint is selected on separate episodes. The curves are of training episodes from "
-    "home, with exploration noise."
+    "The policy corrects a scripted expert, whose action it observes. It imitates the expert for "
+    "the first 10 to 20 % of the steps; PPO trains it for the rest. By default a seed is an "
+    "ensemble of two policies, and its checkpoint is selected on separate episodes. The curves are "
+    "of training episodes from home, with exploration noise."
 )
 MAX_POSTER_BYTES = 2_000_000
 """Largest image that is embedded in the page."""

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from articulate.task.episode_monitor import REASONS
-from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.observation import ACTION, OBSERVATION, expert_action
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.episodes import Episodes
 from articulate_envs.privileged_observation import PRIVILEGED
-from articulate_envs.scripted_expert import ScriptedExpert
-from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.action_scaling import corrected_action, correction_to
 from articulate_train.config import ActionScalingConfig
-from articulate_train.imitation import unscale_action
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -53,12 +51,10 @@ class EpisodesVecEnv(VecEnv):
         """Action scaling of the task."""
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
-        self.expert: ScriptedExpert | None = None
-        """Scripted expert of the imitation phase; None outside it."""
-        self.n_expert_envs = 0
-        """Number of environments in which the expert acts instead of the policy."""
-        self.expert_actions: list[Array] = []
-        """Unscaled expert actions (N, 8) of each control step since the list was last cleared."""
+        self.imitates = False
+        """True in the imitation phase, in which :attr:`wanted` is filled."""
+        self.wanted: list[Array] = []
+        """Corrections (N, 8) to imitate, of each control step since the list was last cleared."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
         self._seen: Singles = np.zeros((episodes.engine.n_envs, OBSERVATION.size), np.float32)
         self._stagger = True
@@ -83,16 +79,12 @@ class EpisodesVecEnv(VecEnv):
         return joined
 
     def step_async(self, actions: Array) -> None:
-        """Store the actions (N, 8) in [-1, 1], scaled by the last observation."""
-        policy, scale = np.clip(actions, -1.0, 1.0), action_scales(self.action_scaling, self._seen)
-        compensation = lead_compensation(self.action_scaling, self._seen)
-        if self.expert is not None:
-            target = self.expert.act(self.episodes.estimated_state(), self.episodes.params)
-            self.expert_actions.append(unscale_action(target, scale, compensation))
-            policy[: self.n_expert_envs] = self.expert_actions[-1][: self.n_expert_envs]
-        motions = policy[:, :MOTIONS] * scale
-        motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - compensation, -1.0, 1.0)
-        self._action = np.concatenate([motions, policy[:, MOTIONS:]], axis=1)
+        """Store the actions that corrections (N, 8) in [-1, 1] give at the last observation."""
+        corrections = np.clip(actions, -1.0, 1.0)
+        if self.imitates:
+            target = expert_action(self.episodes.observe_again())
+            self.wanted.append(correction_to(self.action_scaling, self._seen, target))
+        self._action = corrected_action(self.action_scaling, self._seen, corrections)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one control step."""

@@ -24,7 +24,7 @@ class Field:
     """Unit of the values in the vector; ``"1"`` for none."""
     frame: str
     """Frame of the values; ``"-"`` for none."""
-    source: Literal["robot", "estimator", "controller", "clock", "policy"]
+    source: Literal["robot", "estimator", "controller", "clock", "policy", "expert"]
     """Origin of the values."""
     low: float = -10.0
     """Lower bound; values are clipped."""

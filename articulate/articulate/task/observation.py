@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from articulate.robot.config import ControlConfig
 from articulate.robot.control import GripperState
 from articulate.robot.kinematics import write_small_twist
 from articulate.task.layout import Field, Layout
-from articulate.task.object_placement import handle_path_of
+from articulate.task.object_placement import ObjectPlacement, handle_path_of
 from articulate.task.randomization_config import GOAL_ERROR_RANGE
+from articulate.task.scripted_expert import ExpertParams, expert_params, write_expert_action
 from articulate.task.task import Task, goal_error
 from articulate.transforms import Array
 
@@ -93,6 +94,9 @@ OBSERVATION = Layout(
             low=-1.5, high=1.5,
         ),
         Field(name="handle_size", size=3, unit="0.05 m", frame="-", source="estimator"),
+        Field(
+            name="expert_action", size=8, unit="1", frame="tool", source="expert", low=-1, high=1
+        ),
     )
 )  # fmt: skip
 """Inputs of a policy, in order.
@@ -116,6 +120,9 @@ the rotation of the part per metre of that motion (0 for slides), ``path_left`` 
 path to the target and ``handle_size`` the extent of the handle along its long axis, between the
 fingers and along the approach. They describe the task without the identity of the object, at its
 nominal size.
+``expert_action`` is the action of the scripted expert at the estimated state
+(:mod:`articulate.task.scripted_expert`), with the layout :data:`ACTION`. It operates most objects;
+a policy corrects it.
 """
 
 ACTION = Layout(
@@ -133,7 +140,7 @@ _SIZE, _LOW, _HIGH = OBSERVATION.size, OBSERVATION.low, OBSERVATION.high
     _JOINT_POS, _JOINT_VEL, _JOINT_TRACKING, _TRACKING, _HANDLE, _HANDLE_FINE, _PREDICTED,
     _PREDICTED_FINE, _AXES, _OPEN, _GOAL_ERROR, _PART_SPEED, _WIDTH, _GRIPPER_SPEED, _FORCE,
     _COMMAND, _PENDING, _LAST_ACTION, _TIME_LEFT, _DIRECTION, _ROTATION, _LEFT, _LEFT_FINE,
-    _HANDLE_SIZE,
+    _HANDLE_SIZE, _EXPERT,
 ) = (OBSERVATION.slice(f.name).start for f in OBSERVATION.fields)  # fmt: skip
 
 
@@ -193,24 +200,26 @@ class ObservationParams(NamedTuple):
     """Length of the handle's path from closed to open [m]."""
     handle_size: Array
     """Extent of the handle (3,) [m]; see :attr:`articulate.assets.asset.Handle.extent`."""
+    expert: ExpertParams
+    """Constants of the scripted expert."""
 
 
 def observation_params(
-    control: ControlConfig, task: Task, asset: Asset, *, flip: bool
+    control: ControlConfig, task: Task, asset: Asset, placement: ObjectPlacement
 ) -> ObservationParams:
     """Return the constants of the observations of one task.
 
     Args:
         control: Control stack.
         task: Task.
-        asset: Object, with its handle tilted as in the placement; without a handle, all constants
-            of the handle are 0.
-        flip: True if the gripper is rotated by 180 degrees about its approach axis.
+        asset: Object with its handle as it is held (:func:`.object_placement.grasped`); without a
+            handle, all constants of the handle are 0.
+        placement: Placement of the object.
     """
     direction, rotation, travel, size = np.zeros(3), np.zeros(3), 0.0, np.zeros(3)
     handle = asset.handle_of(task.joint)
     if handle is not None:
-        path = handle_path_of(asset, task.joint, flip=flip)
+        path = handle_path_of(asset, task.joint, flip=placement.flip)
         motion, turn = path.axis_o, np.zeros(3)  # per unit of the joint, in the object frame
         if path.hinge:
             motion, turn = np.cross(path.axis_o, path.T_oh[:3, 3] - path.pivot_o), path.axis_o
@@ -227,6 +236,7 @@ def observation_params(
         rotation_h=rotation,
         travel_m=travel,
         handle_size=size,
+        expert=expert_params(control, task, asset, placement),
     )
 
 
@@ -317,6 +327,7 @@ def write_observation(
         out[_LAST_ACTION + j] = inputs.last_action[i, j]
     out[_TIME_LEFT] = time_left
     _write_path(T, T_wh, opened, params, out)
+    write_expert_action(inputs, i, T_wh, opened, params.expert, out[_EXPERT:])
     for j in range(_SIZE):  # comparisons, which keep a NaN
         if out[j] < _LOW[j]:
             out[j] = _LOW[j]
@@ -354,3 +365,8 @@ def observation(
             row,
         )
     return out
+
+
+def expert_action(observation: Any) -> Array:
+    """Return the actions (N, 8) of the scripted expert in observations (N, size)."""
+    return np.asarray(observation[:, _EXPERT : _EXPERT + ACTION.size], dtype=np.float64)

@@ -14,6 +14,7 @@ import numpy as np
 from articulate.jit import row_function
 from articulate.task.object_placement import HandlePath
 from articulate.task.observation import ObservationParams
+from articulate.task.scripted_expert import ExpertParams
 from articulate.task.task import GoalParams
 from articulate_envs.rewards import RewardTask
 
@@ -21,8 +22,14 @@ Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
 def stack_rows(rows: Sequence[Row]) -> Row:
-    """Return one named tuple whose fields are arrays: those of N named tuples, first axis N."""
-    return type(rows[0])(*(np.array(values) for values in zip(*rows, strict=True)))
+    """Return one named tuple whose fields are arrays: those of N named tuples, first axis N.
+
+    Fields that are named tuples themselves are stacked in the same way.
+    """
+    fields = zip(*rows, strict=True)
+    return type(rows[0])(
+        *(stack_rows(f) if isinstance(f[0], tuple) else np.array(f) for f in fields)
+    )
 
 
 @row_function
@@ -59,6 +66,27 @@ def observation_params_of(rows: ObservationParams, i: int) -> ObservationParams:
         rows.rotation_h[i],
         rows.travel_m[i],  # type: ignore[index]
         rows.handle_size[i],
+        expert_params_of(rows.expert, i),
+    )
+
+
+@row_function
+def expert_params_of(rows: ExpertParams, i: int) -> ExpertParams:
+    """Return row ``i`` of stacked constants."""
+    return ExpertParams(
+        rows.move_m[i],  # type: ignore[index]
+        rows.turn_rad[i],  # type: ignore[index]
+        rows.hinge[i],  # type: ignore[index]
+        rows.axis_h[i],
+        rows.pivot_h[i],
+        rows.span[i],  # type: ignore[index]
+        rows.along_m[i],  # type: ignore[index]
+        rows.thick_m[i],  # type: ignore[index]
+        rows.deep_m[i],  # type: ignore[index]
+        rows.beside_m[i],  # type: ignore[index]
+        rows.shut[i],  # type: ignore[index]
+        rows.hooks[i],  # type: ignore[index]
+        rows.aim[i],  # type: ignore[index]
     )
 
 

@@ -16,12 +16,18 @@ from articulate.task.observation import (
     ObservationParams,
     observation,
 )
+from articulate.task.scripted_expert import ExpertParams
 from articulate.transforms import axis_angle_to_matrix, pose
 
 HOME = np.asarray(PANDA.home)[None]
 
 
 STEP_S = 0.05
+EXPERT = ExpertParams(
+    move_m=0.008, turn_rad=0.02, hinge=False, axis_h=np.array([0.0, 0.0, -1.0]),
+    pivot_h=np.zeros(3), span=0.4, along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
+    shut=False, hooks=False, aim=0.86,
+)  # fmt: skip
 
 
 def observe(*, T_wh=None, q=HOME, **values):
@@ -62,6 +68,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         rotation_h=np.zeros(3),
         travel_m=0.4,
         handle_size=np.array([0.1, 0.01, 0.02]),
+        expert=EXPERT,
     )
     force, left = given["measured_force"], given["time_left"]
     return observation(inputs, given["estimate"], force, left, params)[0]
@@ -229,4 +236,5 @@ def test_nothing_a_robot_cannot_know_is_observed():
         "controller",
         "clock",
         "policy",
+        "expert",
     }

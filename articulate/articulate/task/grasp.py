@@ -9,6 +9,9 @@ from articulate.task.object_placement import ObjectPlacement
 
 FINGER_M = 0.022
 """Width of a finger along the handle [m]: 21 mm in franka's finger.stl, and one."""
+HELD_SHARE = 0.6
+"""Smallest opening of fingers with the handle between them, as a share of its thickness; closer
+fingers have grasped nothing."""
 MAX_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
