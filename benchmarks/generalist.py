@@ -1,15 +1,16 @@
 """Train the generalist policy: one network for drawers, doors and lids that it has never seen.
 
     python benchmarks/generalist.py prepare --seeds 0 2 --panels 1 20 --out scenes.jsonl
-    python benchmarks/generalist.py train --scenes scenes.jsonl --rounds 40
+    python benchmarks/generalist.py train --scenes scenes.jsonl
 
 ``prepare`` makes objects of the procedural library and of :mod:`generalist_panels`, places them and
-runs the scripted expert on each joint (resumable). ``train`` imitates the expert on all accepted
-scenes in one batch (DAgger; Ross, Gordon and Bagnell, 2011): in each round all environments run an
-episode's length of control steps, the expert's actions at the visited states are added to the data,
-and the network is fitted to all data so far. It writes ``generalist_open.npz`` and ``.json`` of the
-package ``articulate_train``, or ``generalist_close`` for scenes of ``prepare --closing``. Seeds
-below 1000 are for training, 1000 to 1999 for validation.
+runs the scripted expert on each joint (resumable). ``train`` begins as the expert, whose action the
+policy observes and corrects, on all accepted scenes in one batch (DAgger; Ross, Gordon and Bagnell,
+2011): in each round all environments run an episode's length of control steps, the expert's actions
+at the visited states and another sample of the noise are added to the data, and the network is
+fitted to all data so far: in the mean, it removes the noise. It writes ``generalist_open.npz`` and
+``.json`` of the package ``articulate_train``, or ``generalist_close`` for scenes of ``prepare
+--closing``. Seeds below 1000 are for training, 1000 to 1999 for validation.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy and torch
@@ -35,7 +36,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from articulate.files import read_json_object, sha256, write_json
+from articulate.files import sha256, write_json
 from articulate.task.observation import OBSERVATION, expert_action
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
@@ -72,8 +73,6 @@ STARTS = InitialStatesConfig(share_first=0.5, share_last=0.25, n_precomputed=48)
 BATCH_SIZE = 1024
 LEARNING_RATES = 1e-3, 1e-4
 """Learning rate at the beginning and at the end, exponential decay between."""
-CONTINUED_RATES = 5e-4, 1e-4
-"""The same if the network continues from earlier weights."""
 FINAL_RATES = 2e-4, 1e-5
 """The same after the last round."""
 MIN_STD = 0.1
@@ -100,7 +99,7 @@ NORMALIZED_ROUNDS = 5
 
 @dataclass
 class Data:
-    """Observations and unscaled expert actions of all rounds."""
+    """Observations and corrections to imitate of all rounds."""
 
     observations: list[Singles]
     actions: list[Singles]
@@ -150,9 +149,8 @@ class Trainer:
         n_envs: int,
         rounds: int,
         seed: int,
-        weights: Path | None = None,
     ) -> None:
-        """Compile the scenes and begin the episodes; the network continues from ``weights``."""
+        """Compile the scenes and begin the episodes."""
         torch.manual_seed(seed)
         self._rng = np.random.default_rng(seed)
         self.records, self.rounds = records, rounds
@@ -174,14 +172,10 @@ class Trainer:
         self.network = Network(torch.zeros(OBSERVATION.size), ones, HIDDEN)
         for parameter in self.network.head.parameters():
             torch.nn.init.zeros_(parameter)  # begin as the scripted expert
-        self._continued = weights is not None
-        if weights is not None:
-            with np.load(weights) as arrays:
-                self.network.load_state_dict({k: torch.from_numpy(v) for k, v in arrays.items()})
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=LEARNING_RATES[0])
 
     def act(self, observation: Singles) -> Array:
-        """Return the network's unscaled actions (N, 8)."""
+        """Return the network's corrections (N, 8)."""
         with torch.no_grad():
             out = self.network(torch.as_tensor(observation, dtype=torch.float32))
         return np.asarray(out.numpy(), dtype=np.float64)
@@ -204,12 +198,12 @@ class Trainer:
     def fit(self, k: int, batches: int) -> float:
         """Fit the network to all data after round ``k``; return the last mean loss."""
         network = self.network
-        if k <= NORMALIZED_ROUNDS and not self._continued:
+        if k <= NORMALIZED_ROUNDS:
             observations, actions = self.data.tensors()
             both = torch.cat([observations, mirrored(observations, actions)[0]])
             network.mean.copy_(both.mean(dim=0))
             network.scale.copy_(torch.rsqrt(both.var(dim=0) + MIN_STD**2))
-        first, last = CONTINUED_RATES if self._continued else LEARNING_RATES
+        first, last = LEARNING_RATES
         begin, end = (first * (last / first) ** (r / self.rounds) for r in (k, k + 1))
         return self.descend(batches, begin, end)
 
@@ -253,10 +247,9 @@ def train(args: argparse.Namespace) -> int:
     torch.set_num_threads(1)
     records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
     file = args.out / weights_file(records[0].task).name
-    earlier = read_json_object(args.weights.with_suffix(".json")) if args.weights else {}
     args.envs = max(args.envs, len(records))
     begin = time.monotonic()
-    trainer = Trainer(records, args.envs, args.rounds, args.seed, args.weights)
+    trainer = Trainer(records, args.envs, args.rounds, args.seed)
     print(f"{len(records)} scenes, {time.monotonic() - begin:.0f} s", flush=True)
     for k in range(args.rounds):
         ended = trainer.collect(k)
@@ -279,16 +272,12 @@ def train(args: argparse.Namespace) -> int:
                     "command": "python benchmarks/generalist.py train --scenes "
                     f"{args.scenes.name} --rounds {args.rounds} --envs {args.envs} "
                     f"--batches {args.batches} --final-batches {args.final_batches} "
-                    f"--seed {args.seed}"
-                    + (f" --weights {args.weights.name}" if args.weights else ""),
+                    f"--seed {args.seed}",
                     "licence": "MIT",
                     "objects": sorted({r.object for r in records}),
                     "scenes": dict(Counter(r.task for r in records)),
                     "rounds": k + 1,
-                    "control_steps": steps + earlier.get("control_steps", 0),
-                    "continues": {name: earlier[name] for name in ("command", "sha256")}
-                    if earlier
-                    else None,
+                    "control_steps": steps,
                     "seed": args.seed,
                     "versions": {n: v for n, v in versions().items() if n != "system"},
                     "sha256": sha256(file),
@@ -309,12 +298,11 @@ def main(argv: Sequence[str]) -> int:
     one.add_argument("--out", type=Path, required=True, help="list of scenes")
     two = commands.add_parser("train", help="train on the accepted scenes")
     two.add_argument("--scenes", type=Path, required=True, help="list of scenes")
-    two.add_argument("--rounds", type=int, default=40, help="rounds of DAgger")
-    two.add_argument("--envs", type=int, default=128, help="environments, at least one per scene")
-    two.add_argument("--batches", type=int, default=400, help="minibatches per round")
-    two.add_argument("--final-batches", type=int, default=6000, help="after the last round")
+    two.add_argument("--rounds", type=int, default=12, help="rounds of DAgger")
+    two.add_argument("--envs", type=int, default=560, help="environments, at least one per scene")
+    two.add_argument("--batches", type=int, default=600, help="minibatches per round")
+    two.add_argument("--final-batches", type=int, default=12_000, help="after the last round")
     two.add_argument("--seed", type=int, default=0)
-    two.add_argument("--weights", type=Path, help="weights to continue from; default: random")
     two.add_argument("--out", type=Path, default=WEIGHTS_FOLDER, help="folder of the weights")
     args = parser.parse_args(argv)
     if args.command == "train":
