@@ -64,20 +64,13 @@ def test_rows_without_finished_episodes_do_not_count():
     assert first_success([*rows, *progress_rows(1.0)])
 
 
-@pytest.mark.parametrize(
-    ("policy", "ensemble", "steps"),
-    [("random", 1, 800), ("random", 2, None), ("generalist", 2, 200)],
-)
-def test_episodes_while_the_expert_acts_do_not_count(tmp_path, policy, ensemble, steps):
-    """Each member is helped for 600 of 10,000 control steps; in fine-tuning none is."""
-    config = TrainConfig(
-        asset="a.urdf", task="open_drawer", initial_policy=policy, steps=10_000,
-        ensemble_size=ensemble,
-    )  # fmt: skip
+@pytest.mark.parametrize(("success", "steps"), [(1.0, 200), (0.5, None)])
+def test_the_steps_to_first_success_are_read_from_the_progress_of_a_seed(tmp_path, success, steps):
+    config = TrainConfig(asset="a.urdf", task="open_drawer")
     others: dict[str, Any] = dict.fromkeys(("asset", "task", "placement", "arm"))
     run = Run(folder=tmp_path, config=config, **others)
     run.seed_folder(0).mkdir()
-    lines = [json.dumps(line) for line in progress_rows(*[1.0] * 8)]
+    lines = [json.dumps(line) for line in progress_rows(*[success] * 8)]
     (run.seed_folder(0) / "progress.jsonl").write_text("\n".join(lines))
     assert training_times(run, [0])[0]["steps"] == steps
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from articulate.assets.asset import Handle
-from articulate.task.object_placement import ObjectPlacement
+if TYPE_CHECKING:  # configurations import this module, and --help does without numpy
+    from articulate.assets.asset import Handle
+    from articulate.task.object_placement import ObjectPlacement
 
 FINGER_M = 0.022
 """Width of a finger along the handle [m]: 21 mm in franka's finger.stl, and one."""
