@@ -10,6 +10,7 @@ from tests.scenes import DRAWS
 from articulate.errors import EngineError
 from articulate.task.observation import OBSERVATION, expert_action
 from articulate.task.randomization import sample_episode_params
+from articulate.task.scripted_expert import expert_params, write_expert_action
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
@@ -90,6 +91,7 @@ def test_episodes_of_a_mixed_batch_sample_observe_and_reward_each_scene(drawer, 
         seed=0,
     )
     seen = episodes.reset()
+    params = episodes.params
     rotation = seen[:, OBSERVATION.slice("path_rotation")]
     assert_allclose(rotation[:N], 0.0)
     assert np.all(np.linalg.norm(rotation[N:], axis=1) > 0.1)
@@ -99,10 +101,12 @@ def test_episodes_of_a_mixed_batch_sample_observe_and_reward_each_scene(drawer, 
     )
     opened = episodes.state.opened / np.repeat([s.task.target for s in (drawer, door)], N)
     assert_allclose(left, travel * (1.0 - opened) / 0.2, atol=0.2)
-    T_th = np.linalg.inv(episodes.state.T_wt) @ episodes.state.T_wh
-    motion = expert_action(seen)
-    towards = np.einsum("ni,ni->n", motion[:, :3], T_th[:, :3, 3])
-    assert np.all(towards[episodes._home] > 0.0)  # each goes to the handle of its own scene
+    inputs, estimate = episodes._inputs(), episodes._estimator.estimate(params, episodes._noise)
+    for i, scene in enumerate([drawer] * N + [door] * N):
+        of_scene = expert_params(scene.control, scene.task, scene.asset, scene.placement)
+        expected = np.empty(8)
+        write_expert_action(inputs, i, estimate.T_wh[i], estimate.opened[i], of_scene, expected)
+        assert_allclose(expert_action(seen)[i], expected, atol=1e-9)
     for action in ACTIONS:
         step = episodes.step(action)
     assert np.isfinite(step.reward).all()

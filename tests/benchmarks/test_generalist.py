@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from articulate.robot.arm import PANDA
 from articulate.robot.control import new_gripper_state
 from articulate.robot.kinematics import tool_pose
+from articulate.task.object_placement import HandlePath
 from articulate.task.observation import (
     Estimate,
     ObservationInputs,
@@ -18,8 +19,9 @@ from generalist import mirrored
 
 N = 16
 EXPERT = ExpertParams(
-    move_m=0.008, turn_rad=0.02, hinge=False, axis_h=np.array([0.0, 0.0, -1.0]),
-    pivot_h=np.zeros(3), span=0.4, along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
+    move_m=0.008, turn_rad=0.02,
+    path=HandlePath(False, np.array([0.0, 0.0, -1.0]), np.zeros(3), np.eye(4), 0.0, 0.4),
+    along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
     shut=False, hooks=False, aim=0.86,
 )  # fmt: skip
 ANGLES = np.array([-1, 1, -1, 1, -1, 1, -1])

@@ -36,7 +36,7 @@ _COMMAND = slice(_COMMAND_START + 1, _COMMAND_START + 2)
 _WIDTH, _SPEED = OBSERVATION.slice("gripper_width"), OBSERVATION.slice("gripper_speed")
 _EXPERT = OBSERVATION.slice("expert_action")
 GRIPPER_GAIN = 2.0
-"""Factor on the correction of the gripper, which can so reverse the expert's command."""
+"""Factor on the correction of the gripper, so that it can reverse the expert's command."""
 MIN_SCALE = 0.3
 """Lower bound of the scale when a correction is computed: a waiting gripper must not correct
 millimetres with its largest motion."""

@@ -13,7 +13,7 @@ from articulate.robot.config import ControlConfig
 from articulate.robot.control import GripperState
 from articulate.robot.kinematics import write_small_twist
 from articulate.task.layout import Field, Layout
-from articulate.task.object_placement import ObjectPlacement, handle_path_of
+from articulate.task.object_placement import ObjectPlacement
 from articulate.task.randomization_config import GOAL_ERROR_RANGE
 from articulate.task.scripted_expert import ExpertParams, expert_params, write_expert_action
 from articulate.task.task import Task, goal_error
@@ -216,27 +216,22 @@ def observation_params(
             handle, all constants of the handle are 0.
         placement: Placement of the object.
     """
-    direction, rotation, travel, size = np.zeros(3), np.zeros(3), 0.0, np.zeros(3)
-    handle = asset.handle_of(task.joint)
-    if handle is not None:
-        path = handle_path_of(asset, task.joint, flip=placement.flip)
-        motion, turn = path.axis_o, np.zeros(3)  # per unit of the joint, in the object frame
-        if path.hinge:
-            motion, turn = np.cross(path.axis_o, path.T_oh[:3, 3] - path.pivot_o), path.axis_o
-        radius = max(float(np.linalg.norm(motion)), MIN_RADIUS_M)
-        sign = np.sign(task.span) * (-1.0 if task.closes else 1.0) / radius
-        direction, rotation = (sign * (path.T_oh[:3, :3].T @ v) for v in (motion, turn))
-        travel, size = radius * abs(task.span), np.array(handle.extent, dtype=np.float64)
+    expert, handle = expert_params(control, task, asset, placement), asset.handle_of(task.joint)
+    motion, turn = expert.path.axis_o, np.zeros(3)  # per unit of the joint, in the handle's frame
+    if expert.path.hinge:
+        motion, turn = np.cross(motion, -expert.path.pivot_o), motion
+    radius = max(float(np.linalg.norm(motion)), MIN_RADIUS_M)
+    sign = np.sign(task.span) * (-1.0 if task.closes else 1.0) / radius
     return ObservationParams(
         step_s=control.step_s,
         move_m=control.move_m,
         target=float(task.target),
         closes=task.closes,
-        direction_h=direction,
-        rotation_h=rotation,
-        travel_m=travel,
-        handle_size=size,
-        expert=expert_params(control, task, asset, placement),
+        direction_h=sign * motion,
+        rotation_h=sign * turn,
+        travel_m=0.0 if handle is None else radius * abs(task.span),
+        handle_size=np.zeros(3) if handle is None else np.array(handle.extent, dtype=np.float64),
+        expert=expert,
     )
 
 

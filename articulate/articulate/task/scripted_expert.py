@@ -2,12 +2,12 @@
 
 It moves in front of the handle, approaches it straight, grasps it, leads the part along its path
 and stays at the target. Closed fingers push a part without a handle that is to be closed, and hook
-one behind its edge that is to be opened. It uses what a robot knows: the state of arm, gripper and
-controller, and the estimated state of an object of nominal size. It uses only the current control
-step, so it can act from any state, and works for every task.
+one behind its edge that is to be opened. Its inputs are available on a robot: the state of arm,
+gripper and controller, and the estimated state of an object of nominal size. It uses only the
+current control step, so it can act from any state, and works for every task.
 
-Its action is a field of the observation (:mod:`articulate.task.observation`). Training begins by
-imitating it (:mod:`articulate_train.imitation`), then the policy improves on it.
+Its action is a field of the observation (:mod:`articulate.task.observation`), which policies
+correct.
 """
 
 from __future__ import annotations
@@ -21,7 +21,12 @@ from articulate.jit import row_function
 from articulate.robot.config import ControlConfig
 from articulate.robot.kinematics import write_small_twist
 from articulate.task.grasp import HELD_SHARE, grasp_of
-from articulate.task.object_placement import ObjectPlacement, handle_path_of
+from articulate.task.object_placement import (
+    HandlePath,
+    ObjectPlacement,
+    handle_path_of,
+    write_handle_pose,
+)
 from articulate.task.task import Task
 from articulate.transforms import Array, matrix_angle
 
@@ -95,14 +100,8 @@ class ExpertParams(NamedTuple):
     """Motion of the tool along an axis for an action of 1 [m]."""
     turn_rad: float
     """Rotation of the tool about an axis for an action of 1 [rad]."""
-    hinge: bool
-    """True if the joint rotates."""
-    axis_h: Array
-    """Axis of the joint in the frame of the handle, where it is constant (3,)."""
-    pivot_h: Array
-    """Point on that axis in the same frame (3,) [m]."""
-    span: float
-    """Signed travel of the joint to the open state [m or rad]."""
+    path: HandlePath
+    """Path of the handle in its own frame, where the axis of the joint is constant."""
     along_m: float
     """Distance from the handle's middle at which fingers may hold it [m]."""
     thick_m: float
@@ -133,20 +132,21 @@ def expert_params(
         placement: Placement of the object.
     """
     handle = asset.handle_of(task.joint)
-    hinge, axis, pivot, span = False, np.zeros(3), np.zeros(3), 0.0
+    path = HandlePath(False, np.zeros(3), np.zeros(3), np.eye(4), 0.0, 0.0)
     if handle is not None:
-        path = handle_path_of(asset, task.joint, flip=placement.flip)
-        turn = path.T_oh[:3, :3].T
-        hinge, axis, span = path.hinge, turn @ path.axis_o, path.span
-        pivot = turn @ (path.pivot_o - path.T_oh[:3, 3])
+        in_object = handle_path_of(asset, task.joint, flip=placement.flip)
+        turn, pos = in_object.T_oh[:3, :3].T, in_object.T_oh[:3, 3]
+        path = path._replace(
+            hinge=bool(in_object.hinge),
+            axis_o=turn @ in_object.axis_o,
+            pivot_o=turn @ (in_object.pivot_o - pos),
+            span=in_object.span,
+        )
     grasp = grasp_of(handle, placement)
     return ExpertParams(
         move_m=control.move_m,
         turn_rad=control.turn_rad,
-        hinge=bool(hinge),
-        axis_h=axis,
-        pivot_h=pivot,
-        span=float(span),
+        path=path,
         along_m=grasp.along_m,
         thick_m=grasp.thick_m,
         deep_m=_deep_m(handle),
@@ -316,30 +316,6 @@ def _write_before(
 
 
 @row_function
-def _write_moved(fraction: float, params: ExpertParams, out: Array) -> None:
-    """Write the pose (4, 4) of a handle after ``fraction`` of travel, in its frame before."""
-    travel, axis, pivot = fraction * params.span, params.axis_h, params.pivot_h
-    angle = travel if params.hinge else 0.0
-    s, c = np.sin(angle), np.cos(angle)
-    for r in range(3):
-        a, b = (r + 1) % 3, (r + 2) % 3
-        for k in range(3):
-            out[r, k] = (1.0 - c) * axis[r] * axis[k]
-        out[r, r] += c
-        out[r, a] -= s * axis[b]
-        out[r, b] += s * axis[a]
-        out[3, r] = 0.0
-    for r in range(3):
-        if params.hinge:
-            out[r, 3] = pivot[r]
-            for k in range(3):
-                out[r, 3] -= out[r, k] * pivot[k]
-        else:
-            out[r, 3] = travel * axis[r]
-    out[3, 3] = 1.0
-
-
-@row_function
 def _write_ahead(T_wh: Array, T_ht: Array, opened: float, params: ExpertParams, out: Array) -> None:
     """Write the goal pose (4, 4) of a gripper that leads the part, grasp kept.
 
@@ -347,12 +323,12 @@ def _write_ahead(T_wh: Array, T_ht: Array, opened: float, params: ExpertParams, 
     """
     T_hn, T_wn, left = np.empty((4, 4)), np.empty((4, 4)), params.aim - opened
     sign = 1.0 if left > 0.0 else -1.0
-    _write_moved(STEP * sign, params, T_hn)
+    write_handle_pose(params.path, np.eye(4), 1.0, STEP * sign, T_hn)
     travel = np.sqrt(T_hn[0, 3] ** 2 + T_hn[1, 3] ** 2 + T_hn[2, 3] ** 2) / STEP
     brake = HOOKED_BRAKE if params.hooks else BRAKE
     lead = min(LEAD_M, brake * abs(left) * travel + MIN_LEAD_M)
-    _write_moved(sign * min(abs(left), lead / max(travel, 1e-6)), params, T_hn)
-    _write_product(T_wh, T_hn, T_wn)
+    ahead = sign * min(abs(left), lead / max(travel, 1e-6))
+    write_handle_pose(params.path, T_wh, 1.0, ahead, T_wn)
     T_nt = T_ht
     if params.hooks:
         T_nt = np.eye(4)

@@ -76,10 +76,7 @@ def expert_params_of(rows: ExpertParams, i: int) -> ExpertParams:
     return ExpertParams(
         rows.move_m[i],  # type: ignore[index]
         rows.turn_rad[i],  # type: ignore[index]
-        rows.hinge[i],  # type: ignore[index]
-        rows.axis_h[i],
-        rows.pivot_h[i],
-        rows.span[i],  # type: ignore[index]
+        path_of(rows.path, i),
         rows.along_m[i],  # type: ignore[index]
         rows.thick_m[i],  # type: ignore[index]
         rows.deep_m[i],  # type: ignore[index]

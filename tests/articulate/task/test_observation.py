@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from articulate.robot.arm import PANDA
 from articulate.robot.control import new_gripper_state
 from articulate.robot.kinematics import resolve_motion, tool_jacobian, tool_pose
+from articulate.task.object_placement import HandlePath
 from articulate.task.observation import (
     ACTION,
     COMMAND_TIME_S,
@@ -24,8 +25,9 @@ HOME = np.asarray(PANDA.home)[None]
 
 STEP_S = 0.05
 EXPERT = ExpertParams(
-    move_m=0.008, turn_rad=0.02, hinge=False, axis_h=np.array([0.0, 0.0, -1.0]),
-    pivot_h=np.zeros(3), span=0.4, along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
+    move_m=0.008, turn_rad=0.02,
+    path=HandlePath(False, np.array([0.0, 0.0, -1.0]), np.zeros(3), np.eye(4), 0.0, 0.4),
+    along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
     shut=False, hooks=False, aim=0.86,
 )  # fmt: skip
 

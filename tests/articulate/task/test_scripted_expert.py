@@ -12,6 +12,7 @@ from articulate.assets.asset import Handle
 from articulate.robot.arm import PANDA
 from articulate.robot.control import new_gripper_state
 from articulate.robot.kinematics import tool_pose
+from articulate.task.object_placement import HandlePath
 from articulate.task.observation import ACTION, ObservationInputs
 from articulate.task.scripted_expert import (
     DEEP_M,
@@ -21,8 +22,8 @@ from articulate.task.scripted_expert import (
     ExpertParams,
     _deep_m,
     _write_after_pending,
+    _write_ahead,
     _write_before,
-    _write_moved,
     write_expert_action,
 )
 from articulate.transforms import axis_angle_to_matrix, inverse, pose
@@ -31,13 +32,13 @@ HOME = np.asarray(PANDA.home)[None]
 T_WT = tool_pose(PANDA, HOME)
 MOVE_M, TURN_RAD = 0.008, 0.02
 DRAWER = ExpertParams(
-    move_m=MOVE_M, turn_rad=TURN_RAD, hinge=False, axis_h=np.array([0.0, 0.0, -1.0]),
-    pivot_h=np.zeros(3), span=0.4, along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
+    move_m=MOVE_M, turn_rad=TURN_RAD,
+    path=HandlePath(False, np.array([0.0, 0.0, -1.0]), np.zeros(3), np.eye(4), 0.0, 0.4),
+    along_m=0.03, thick_m=0.01, deep_m=0.0, beside_m=0.0,
     shut=False, hooks=False, aim=0.8,
 )  # fmt: skip
-DOOR = DRAWER._replace(
-    hinge=True, axis_h=np.array([1.0, 0.0, 0.0]), pivot_h=np.array([0.0, 0.3, 0.0]), span=1.5
-)
+PIVOT = np.array([0.0, 0.3, 0.0])
+DOOR = DRAWER._replace(path=HandlePath(True, np.array([1.0, 0.0, 0.0]), PIVOT, np.eye(4), 0.0, 1.5))
 
 
 def act(params, *, T_th=None, width_m=0.08, command=-1.0, opened=0.0, pending=None):
@@ -96,14 +97,16 @@ def test_it_brakes_before_the_target_and_stays_there(closes):
     params = DRAWER._replace(aim=0.04) if closes else DRAWER
     left = [act(params, command=1.0, width_m=0.01, opened=params.aim + e)[2] for e in (-0.01, 0.01)]
     assert left[0] < 0.0 < left[1]
-    assert_allclose(np.abs(left), 0.01 * DRAWER.span / MOVE_M)
+    assert_allclose(np.abs(left), 0.01 * DRAWER.path.span / MOVE_M)
 
 
 def test_a_door_is_led_on_its_arc_about_the_hinge():
-    T = np.empty((4, 4))
-    _write_moved(0.5, DOOR, T)
-    turn = axis_angle_to_matrix(DOOR.axis_h, 0.75)
-    assert_allclose(T, pose(DOOR.pivot_h - turn @ DOOR.pivot_h, turn), atol=1e-12)
+    """The lead is 12 cm, and the pivot 30 cm beside the handle."""
+    T_ht, T = pose(np.array([0.01, 0.002, 0.003])), np.empty((4, 4))
+    _write_ahead(T_WT[0], T_ht, 0.1, DOOR, T)
+    chord = 2.0 * np.linalg.norm(PIVOT) * np.sin(0.005 * DOOR.path.span)
+    turn = axis_angle_to_matrix(np.array([1.0, 0.0, 0.0]), 0.12 / chord * 0.01 * DOOR.path.span)
+    assert_allclose(T, T_WT[0] @ pose(PIVOT - turn @ PIVOT, turn) @ T_ht, atol=1e-12)
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=6, max_size=6))
@@ -137,7 +140,8 @@ def test_closed_fingers_push_at_the_handle_and_hook_behind_an_edge():
     assert_allclose(act(push, T_th=ahead(0.0, 0.0, 0.1), width_m=0.0)[2], 1.0)
     pushed = act(push, width_m=0.0, opened=0.3)
     assert_allclose(pushed, [0, 0, 1, 0, 0, 0, 0, 1], atol=1e-12)
-    hook = push._replace(hooks=True, axis_h=np.array([1.0, 0.0, 0.0]), aim=0.8)
+    path = DRAWER.path._replace(axis_o=np.array([1.0, 0.0, 0.0]))
+    hook = push._replace(hooks=True, path=path, aim=0.8)
     hooked = act(hook, width_m=0.0)
     assert_allclose(hooked[0], 1.0)
     assert_allclose(float(hooked[2]) / float(hooked[0]), HOOKED_M / 0.12, rtol=1e-6)
