@@ -56,7 +56,7 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
     for name, value in samples.items():
         rows[0, COLUMN[name]] = value
     one = np.ones(1)
-    gripper = GripperState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
+    gripper = GripperState(smooth * one, closing * one, 10 * one, 0 * one, closing * one, one)
     return State(
         q=HOME,
         dq=np.zeros((1, 7)),

@@ -62,7 +62,7 @@ class PolicyController:
             force: Measured net force on the gripper (3,) [N].
         """
         delay_action(self._delay, 0, action)
-        send_gripper_command(self.gripper, 0, action[7], self._gripper)
+        send_gripper_command(self.gripper, 0, action[7], width_m, self._gripper)
         command = self.gripper.command[0]
         fx, fy, fz = force
         retract = exceeds_force_limit(fx, fy, fz, command, width_m, self._force)

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS
 
 from articulate.errors import EngineError
-from articulate.task.observation import OBSERVATION, expert_action
+from articulate.task.observation import FORCE_UNIT_N, OBSERVATION, expert_action
 from articulate.task.randomization import sample_episode_params
 from articulate.task.scripted_expert import expert_params, write_expert_action
 from articulate_envs.config import InitialStatesConfig
@@ -102,10 +102,13 @@ def test_episodes_of_a_mixed_batch_sample_observe_and_reward_each_scene(drawer, 
     opened = episodes.state.opened / np.repeat([s.task.target for s in (drawer, door)], N)
     assert_allclose(left, travel * (1.0 - opened) / 0.2, atol=0.2)
     inputs, estimate = episodes._inputs(), episodes._estimator.estimate(params, episodes._noise)
+    force = seen[:, OBSERVATION.slice("measured_force")]
     for i, scene in enumerate([drawer] * N + [door] * N):
         of_scene = expert_params(scene.control, scene.task, scene.asset, scene.placement)
         expected = np.empty(8)
-        write_expert_action(inputs, i, estimate.T_wh[i], estimate.opened[i], of_scene, expected)
+        force_w = FORCE_UNIT_N * inputs.T_wt[i, :3, :3] @ force[i]
+        at = estimate.T_wh[i], estimate.opened[i]
+        write_expert_action(inputs, i, *at, force_w, of_scene, expected)
         assert_allclose(expert_action(seen)[i], expected, atol=1e-9)
     for action in ACTIONS:
         step = episodes.step(action)

@@ -231,10 +231,10 @@ class Reference:
         scene, at, data = self.scene, self.scene.at, self.data
         self.past = [action[:7], *self.past[:-1]]
         motion = self.past[int(self.value("delay_steps"))]
-        sent = send_gripper_command(self.gripper, 0, action[7], self.gripper_params)
+        width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
+        sent = send_gripper_command(self.gripper, 0, action[7], width, self.gripper_params)
         latency_s = self.value("gripper_latency_s")
         apply_gripper_latency(self.gripper, 0, sent, latency_s, scene.control.step_s)
-        width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
         force = self.samples[:3] + self.value("force_bias")
         command = self.gripper.command[0]
         fx, fy, fz = force

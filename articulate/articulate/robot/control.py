@@ -42,6 +42,13 @@ DAMPING = 0.02
 """Singular value of the Jacobian at which a motion of the tool is halved."""
 OPEN_M = 0.07
 """Opening above which a gripper has not begun to close on anything [m]."""
+FREE_SHARE = 0.7
+"""Distance from the middle of a joint's range, as a share of half of it, from which on the elbow
+moves away from the limit."""
+AVOIDANCE_GAIN, AVOIDANCE_SHARE = 10.0, 0.5
+"""Gain of that motion, and its largest size as a share of the elbow's largest motion."""
+WIDEST_M = 0.08
+"""Opening of an open gripper [m]."""
 ROUNDING_S = 1e-9
 """Slack for comparing times that are sums of control steps [s]."""
 
@@ -213,8 +220,9 @@ def write_target_step(
     """Write the change of targets that ``motion`` requests into ``work.step`` (7,) [rad].
 
     The motion of the tool is resolved at the target, not at the measured joints, so it does not
-    depend on forces. The motion of the elbow leaves the tool in place. If a joint would exceed its
-    step, the motion is scaled down as one, which keeps its direction.
+    depend on forces. The motion of the elbow leaves the tool in place; a part of it keeps joints
+    away from their limits. If a joint would exceed its step, the motion is scaled down as one,
+    which keeps its direction.
 
     Args:
         target: Targets of this control step (7,) [rad].
@@ -229,13 +237,29 @@ def write_target_step(
         work.twist[r] = params.unit[r] * min(max(motion[r], -1.0), 1.0)
     resolve_motion(work.jacobian, work.twist, DAMPING, work.square, work.step)
     write_self_motion(work.jacobian, work.order, work.elbow)
-    elbow = params.elbow_rad * min(max(motion[6], -1.0), 1.0)
+    elbow = min(max(motion[6], -1.0), 1.0) + _limit_avoidance(target, params, work)
+    elbow *= params.elbow_rad
     longest = 1.0
     for k in range(7):
         work.step[k] += elbow * work.elbow[k]
         longest = max(longest, abs(work.step[k]) / params.steps[k])
     for k in range(7):
         work.step[k] /= longest
+
+
+@row_function
+def _limit_avoidance(target: Array, params: TargetParams, work: TargetWorkspace) -> float:
+    """Return the motion of the elbow, for steps of ``elbow_rad``, away from joint limits.
+
+    Gradient projection (A. Liegeois, 1977) of a potential that is 0 in the middle of the ranges.
+    """
+    descent = 0.0
+    for k in range(7):
+        half = 0.5 * (params.high[k] - params.low[k])
+        share = (target[k] - params.low[k]) / half - 1.0
+        excess = max(abs(share) - FREE_SHARE, 0.0)
+        descent -= excess * work.elbow[k] if share > 0.0 else -excess * work.elbow[k]
+    return min(max(AVOIDANCE_GAIN * descent, -AVOIDANCE_SHARE), AVOIDANCE_SHARE)
 
 
 @row_function
@@ -332,6 +356,9 @@ class GripperState(NamedTuple):
     """Time until the last command acts (N,) [s]."""
     closing: Array
     """Motion of the fingers, +1 close, -1 open (N,)."""
+    release_width: Array
+    """Opening at the last command to open, :data:`WIDEST_M` before the first (N,) [m]: it shows
+    how a grasp failed."""
 
     def copy(self) -> GripperState:
         """Return a copy of all arrays."""
@@ -341,16 +368,26 @@ class GripperState(NamedTuple):
 def new_gripper_state(n: int) -> GripperState:
     """Return the state of N open grippers that have had no command."""
     minus = -np.ones(n)
-    return GripperState(np.zeros(n), minus, np.full(n, 10.0), np.zeros(n), minus.copy())
+    since_s, release_width = np.full(n, 10.0), np.full(n, WIDEST_M)
+    return GripperState(np.zeros(n), minus, since_s, np.zeros(n), minus.copy(), release_width)
 
 
 @row_function
-def send_gripper_command(state: GripperState, i: int, action: float, params: GripperParams) -> bool:
+def send_gripper_command(
+    state: GripperState, i: int, action: float, width: float, params: GripperParams
+) -> bool:
     """Update the command of gripper ``i``; return True if a new command is sent.
 
     A real gripper takes about a second for each command and must not get another one meanwhile
     (libfranka issues 177, 226): the policy's number in [-1, 1] is smoothed, thresholded with
     hysteresis, and sent after a minimum dwell. Positive numbers close.
+
+    Args:
+        state: State of N grippers.
+        i: Index of the gripper.
+        action: Number of the policy.
+        width: Opening between the fingers [m].
+        params: Constants.
     """
     action = min(max(action, -1.0), 1.0)
     smooth = params.smoothing * state.smooth[i] + (1.0 - params.smoothing) * action
@@ -364,6 +401,8 @@ def send_gripper_command(state: GripperState, i: int, action: float, params: Gri
     state.since_s[i] = 0.0 if sent else state.since_s[i] + params.step_s
     if sent:
         state.command[i] = command
+    if sent and command < 0.0:
+        state.release_width[i] = width
     return bool(sent)
 
 

@@ -32,7 +32,7 @@ FINE_UNIT_M = 0.02
 PART_SPEED_UNIT = 0.1
 """Unit of ``part_speed`` [m/s or rad/s]."""
 WIDTH_UNIT_M = 0.05
-"""Unit of ``gripper_width`` [m]."""
+"""Unit of ``gripper_width`` and ``release_width`` [m]."""
 GRIPPER_SPEED_UNIT_M_S = 0.1
 """Unit of ``gripper_speed`` [m/s]."""
 FORCE_UNIT_N = 10.0
@@ -80,6 +80,7 @@ OBSERVATION = Layout(
         Field(name="gripper_speed", size=1, unit="0.1 m/s", frame="-", source="robot"),
         Field(name="measured_force", size=3, unit="10 N", frame="tool", source="robot"),
         Field(name="gripper_command", size=3, unit="1", frame="-", source="controller"),
+        Field(name="release_width", size=1, unit="0.05 m", frame="-", source="controller"),
         Field(
             name="pending_actions", size=7, unit="move_m, turn_rad, step_rad", frame="tool",
             source="controller",
@@ -112,6 +113,8 @@ it is above 0 beyond the target, for opening and closing tasks.
 ``measured_force`` is the net force of the surroundings on the gripper as the arm measures it, under
 the filter of the episode monitor (50 ms): the tracking error cannot distinguish contact from the
 arm's own friction.
+``release_width`` is the opening between the fingers at the last command to open. It
+distinguishes a grasp that slipped off from one that something else blocked.
 ``pending_actions`` is the sum of the motions that were requested and have not acted yet: without
 it a policy cannot predict the tool under action latency. Latency that the controller does not
 know about is not in it.
@@ -139,8 +142,8 @@ _SIZE, _LOW, _HIGH = OBSERVATION.size, OBSERVATION.low, OBSERVATION.high
 (
     _JOINT_POS, _JOINT_VEL, _JOINT_TRACKING, _TRACKING, _HANDLE, _HANDLE_FINE, _PREDICTED,
     _PREDICTED_FINE, _AXES, _OPEN, _GOAL_ERROR, _PART_SPEED, _WIDTH, _GRIPPER_SPEED, _FORCE,
-    _COMMAND, _PENDING, _LAST_ACTION, _TIME_LEFT, _DIRECTION, _ROTATION, _LEFT, _LEFT_FINE,
-    _HANDLE_SIZE, _EXPERT,
+    _COMMAND, _RELEASE, _PENDING, _LAST_ACTION, _TIME_LEFT, _DIRECTION, _ROTATION, _LEFT,
+    _LEFT_FINE, _HANDLE_SIZE, _EXPERT,
 ) = (OBSERVATION.slice(f.name).start for f in OBSERVATION.fields)  # fmt: skip
 
 
@@ -316,13 +319,14 @@ def write_observation(
     out[_COMMAND] = inputs.gripper.smooth[i]
     out[_COMMAND + 1] = inputs.gripper.command[i]
     out[_COMMAND + 2] = min(inputs.gripper.since_s[i], COMMAND_TIME_S) / COMMAND_TIME_S
+    out[_RELEASE] = inputs.gripper.release_width[i] / WIDTH_UNIT_M
     for j in range(7):
         out[_PENDING + j] = inputs.pending_actions[i, j]
     for j in range(8):
         out[_LAST_ACTION + j] = inputs.last_action[i, j]
     out[_TIME_LEFT] = time_left
     _write_path(T, T_wh, opened, params, out)
-    write_expert_action(inputs, i, T_wh, opened, params.expert, out[_EXPERT:])
+    write_expert_action(inputs, i, T_wh, opened, force_w, params.expert, out[_EXPERT:])
     for j in range(_SIZE):  # comparisons, which keep a NaN
         if out[j] < _LOW[j]:
             out[j] = _LOW[j]

@@ -3,8 +3,9 @@
 It moves in front of the handle, approaches it straight, grasps it, leads the part along its path
 and stays at the target. Closed fingers push a part without a handle that is to be closed, and hook
 one behind its edge that is to be opened. Its inputs are available on a robot: the state of arm,
-gripper and controller, and the estimated state of an object of nominal size. It uses only the
-current control step, so it can act from any state, and works for every task.
+gripper and controller, and the estimated state of an object of nominal size. It uses the current
+control step and the opening at which the last grasp was released, so it can act from any state. A
+grasp that slipped off is repeated deeper, one that something blocked less deep.
 
 Its action is a field of the observation (:mod:`articulate.task.observation`), which policies
 correct.
@@ -63,6 +64,17 @@ HELD_M = 0.012
 BESIDE_M = 0.02
 """Distance of the handle's side from the middle of the gripper up to which it may be between the
 fingers [m]."""
+BLOCKED_S = 2.0
+"""Time since the command to close after which fingers at rest that hold nothing are blocked [s]:
+the latency of a gripper and its longest travel."""
+REST_M = 0.001
+"""Change of the finger opening in a control step below which fingers are at rest [m]."""
+DEEPER_M, SHALLOWER_M = 0.004, 0.006
+"""Changes of the depth of a grasp, after one that slipped off and after one that was blocked
+[m]."""
+PRESS_N, BACK_OFF_M = 6.0, 0.010
+"""Force against the approach above which the gripper backs off, and distance [N, m]: fingertips
+that press on a part do not centre its handle."""
 OPEN_M, ROOM_M = 0.08, 0.004
 """Largest finger opening, and least room between a finger and the side of a handle [m]."""
 MOVED_M = 0.003
@@ -175,7 +187,13 @@ def _aim(task: Task, handle: Handle | None) -> float:
 
 @row_function
 def write_expert_action(
-    inputs: ObservationInputs, i: int, T_wh: Array, opened: float, params: ExpertParams, out: Array
+    inputs: ObservationInputs,
+    i: int,
+    T_wh: Array,
+    opened: float,
+    force_w: Array,
+    params: ExpertParams,
+    out: Array,
 ) -> None:
     """Write the action of the expert in environment ``i``.
 
@@ -184,6 +202,7 @@ def write_expert_action(
         i: Index of the environment.
         T_wh: Estimated pose of the handle in the world (4, 4).
         opened: Estimated fraction open.
+        force_w: Measured net force on the gripper, world axes (3,) [N].
         params: Constants.
         out: Output (8,); see :data:`.observation.ACTION`. The elbow does not move.
     """
@@ -197,16 +216,38 @@ def write_expert_action(
     held = held and width <= min(params.thick_m + HELD_M, OPEN_M - MOVED_M)
     if params.shut:
         held, empty = _behind(T_ht) if params.hooks else _touching(T_ht), False
+    at_rest = abs(width - inputs.last_gripper_width[i]) < REST_M and width < OPEN_M - MOVED_M
+    blocked = commanded and between and not held and not empty and not params.shut
+    blocked = blocked and at_rest and inputs.gripper.since_s[i] >= BLOCKED_S
     near, at = _at_handle(T_ht, T_ha, params)
     T_goal = np.empty((4, 4))
     if held:
         _write_ahead(T_wh, T_ht, opened, params, T_goal)
     else:
-        _write_before(T_wh, T_ha, empty, params, T_goal)
+        depth = _depth(inputs.gripper.release_width[i], params)
+        if not params.shut and _pressing(inputs.T_wt[i], force_w) > PRESS_N:
+            depth = min(depth, T_ht[2, 3] - BACK_OFF_M)
+        _write_before(T_wh, T_ha, empty, depth, params, T_goal)
     write_small_twist(T_wa, T_goal, out[:6])
     _limit(out, SLOW if near and not held else 1.0, held, params)
-    close = params.shut or ((held or at or (commanded and near)) and not empty)
-    out[6], out[7] = 0.0, 1.0 if close else -1.0
+    close = (held or at or (commanded and near)) and not (empty or blocked)
+    out[6], out[7] = 0.0, 1.0 if close or params.shut else -1.0
+
+
+@row_function
+def _depth(release_width: float, params: ExpertParams) -> float:
+    """Return the depth of a grasp beyond the middle of the handle [m], after the last one."""
+    if release_width < HELD_SHARE * params.thick_m:
+        return params.deep_m + DEEPER_M
+    if params.thick_m + HELD_M < release_width < OPEN_M - MOVED_M:
+        return params.deep_m - SHALLOWER_M
+    return params.deep_m
+
+
+@row_function
+def _pressing(T_wt: Array, force_w: Array) -> float:
+    """Return the force of the surroundings on the gripper against its approach [N]."""
+    return -float(T_wt[0, 2] * force_w[0] + T_wt[1, 2] * force_w[1] + T_wt[2, 2] * force_w[2])
 
 
 @row_function
@@ -298,9 +339,9 @@ def _at_handle(T_ht: Array, T_ha: Array, params: ExpertParams) -> tuple[bool, bo
 
 @row_function
 def _write_before(
-    T_wh: Array, T_ha: Array, retreat: bool, params: ExpertParams, out: Array
+    T_wh: Array, T_ha: Array, retreat: bool, depth: float, params: ExpertParams, out: Array
 ) -> None:
-    """Write the goal pose (4, 4) of an open gripper."""
+    """Write the goal pose (4, 4) of an open gripper, ``depth`` [m] beyond the handle's middle."""
     beside = _beside(T_ha[0, 3], params)
     lateral = np.sqrt(beside**2 + T_ha[1, 3] ** 2)
     straight = 0.5 * (OPEN_M - params.thick_m) - ROOM_M
@@ -311,7 +352,7 @@ def _write_before(
     back += BACK[1] * max(matrix_angle(T_ha) - STRAIGHT_RAD, 0.0)
     back = min(RETREAT_M if retreat else back, MAX_BACK_M)
     T_hg = np.eye(4)
-    T_hg[0, 3], T_hg[2, 3] = T_ha[0, 3] - beside, params.deep_m - back
+    T_hg[0, 3], T_hg[2, 3] = T_ha[0, 3] - beside, depth - back
     _write_product(T_wh, T_hg, out)
 
 

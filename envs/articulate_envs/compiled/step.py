@@ -214,17 +214,18 @@ def pre_step(
     """
     for i in range(len(action)):
         delay_action(delay, i, action[i])
-        sent = send_gripper_command(b.gripper, i, action[i, 7], params.gripper)
+        width = b.gripper_width[i]
+        sent = send_gripper_command(b.gripper, i, action[i, 7], width, params.gripper)
         apply_gripper_latency(b.gripper, i, sent, values[i, _LATENCY], params.step_s)
         retract[i] = exceeds_force_limit(
             b.samples[i, 0] + values[i, _FORCE_BIAS],
             b.samples[i, 1] + values[i, _FORCE_BIAS + 1],
             b.samples[i, 2] + values[i, _FORCE_BIAS + 2],
             b.gripper.command[i],
-            b.gripper_width[i],
+            width,
             params.force,
         )
-        b.finger[i] = finger_start(b.finger[i], b.gripper_width[i], b.gripper.closing[i])
+        b.finger[i] = finger_start(b.finger[i], width, b.gripper.closing[i])
         active = push_is_active(values[i], step[i] * params.step_s, params.episode_s)
         for k in range(3):
             b.push[i, k] = values[i, _PUSH + k] if active else 0.0

@@ -12,6 +12,7 @@ from articulate.robot.arm import PANDA, Gripper
 from articulate.robot.config import ControlConfig
 from articulate.robot.control import (
     OPEN_M,
+    WIDEST_M,
     apply_gripper_latency,
     check_control,
     delay_action,
@@ -35,7 +36,7 @@ from articulate.robot.control import (
     worst_case,
     write_target_step,
 )
-from articulate.robot.kinematics import small_twist, tool_pose
+from articulate.robot.kinematics import small_twist, tool_jacobian, tool_pose
 from articulate.task.observation import ACTION
 from articulate.task.task import Limits
 
@@ -258,9 +259,31 @@ def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
         assert np.all(np.abs(WORK.step) <= joint_steps(CONFIG, PANDA) + 1e-12)
 
 
-def gripper_step(state, i, command, latency_s, gripper, step_s):
+@pytest.mark.parametrize(("joint", "bound"), [(1, 1), (3, 1), (5, -1)])
+def test_the_elbow_moves_away_from_a_joint_limit_and_leaves_the_tool_in_place(joint, bound):
+    params = target_params(PANDA, CONFIG)
+    q = np.array([0.3, 0.2, -0.4, -1.8, 0.5, 1.9, 0.6])
+    write_target_step(q, np.zeros(7), params, WORK)
+    assert_allclose(WORK.step, 0.0)  # no joint is near a limit
+    limit = (params.low, params.high)[bound == 1]
+    q[joint] = limit[joint] - 0.05 * bound
+    write_target_step(q, np.zeros(7), params, WORK)
+    assert bound * WORK.step[joint] < 0.0
+    assert_allclose(tool_jacobian(PANDA, q) @ WORK.step, 0.0, atol=1e-9)
+
+
+def test_the_opening_at_the_last_command_to_open_is_kept():
+    state = new_gripper_state(1)
+    assert state.release_width[0] == WIDEST_M
+    for command, width in ((1.0, 0.08), (1.0, 0.03), (-1.0, 0.02), (1.0, 0.07)):
+        for _ in range(40):
+            gripper_step(state, 0, command, 0.0, HAND, TICK_S, width)
+    assert state.release_width[0] == 0.02
+
+
+def gripper_step(state, i, command, latency_s, gripper, step_s, width=0.08):
     """Advance gripper ``i`` by one control step."""
-    sent = send_gripper_command(state, i, command, gripper_params(gripper, step_s))
+    sent = send_gripper_command(state, i, command, width, gripper_params(gripper, step_s))
     apply_gripper_latency(state, i, sent, latency_s, step_s)
 
 

@@ -15,9 +15,14 @@ from articulate.robot.kinematics import tool_pose
 from articulate.task.object_placement import HandlePath
 from articulate.task.observation import ACTION, ObservationInputs
 from articulate.task.scripted_expert import (
+    BACK_OFF_M,
+    BLOCKED_S,
     DEEP_M,
+    DEEPER_M,
     HOOKED_M,
+    PRESS_N,
     RETREAT_M,
+    SHALLOWER_M,
     SLOW,
     ExpertParams,
     _deep_m,
@@ -41,19 +46,31 @@ PIVOT = np.array([0.0, 0.3, 0.0])
 DOOR = DRAWER._replace(path=HandlePath(True, np.array([1.0, 0.0, 0.0]), PIVOT, np.eye(4), 0.0, 1.5))
 
 
-def act(params, *, T_th=None, width_m=0.08, command=-1.0, opened=0.0, pending=None):
+def act(
+    params,
+    *,
+    T_th=None,
+    width_m=0.08,
+    command=-1.0,
+    opened=0.0,
+    pending=None,
+    released_m=0.08,
+    since_s=10.0,
+    press_n=0.0,
+    closed_m=0.0,
+):
     """The action at home with the handle at ``T_th`` (4, 4) in the frame of the tool."""
     gripper = new_gripper_state(1)
-    gripper.command[:] = command
+    gripper.command[:], gripper.since_s[:], gripper.release_width[:] = command, since_s, released_m
     inputs = ObservationInputs(
         q=HOME, dq=np.zeros((1, 7)), target=HOME, T_wt=T_WT, T_wt_target=T_WT, gripper=gripper,
-        gripper_width=np.array([width_m]), last_gripper_width=np.array([width_m]),
+        gripper_width=np.array([width_m]), last_gripper_width=np.array([width_m + closed_m]),
         pending_actions=np.zeros((1, 7)) if pending is None else pending[None],
         last_action=np.zeros((1, 8)),
     )  # fmt: skip
     out = np.full(ACTION.size, np.nan)
     T_wh = T_WT[0] @ (np.eye(4) if T_th is None else T_th)
-    write_expert_action(inputs, 0, T_wh, opened, params, out)
+    write_expert_action(inputs, 0, T_wh, opened, -press_n * T_WT[0, :3, 2], params, out)
     return out
 
 
@@ -92,6 +109,35 @@ def test_fingers_that_closed_on_nothing_open_and_go_back_until_they_are_open():
         assert_allclose(empty[2], -SLOW)
 
 
+@pytest.mark.parametrize(
+    ("released_m", "depth_m"),
+    [(0.002, DEEPER_M), (0.011, 0.0), (0.04, -SHALLOWER_M), (0.08, 0.0)],
+)
+def test_it_repeats_a_grasp_deeper_that_slipped_off_and_less_deep_that_was_blocked(
+    released_m, depth_m
+):
+    assert_allclose(act(DRAWER, released_m=released_m)[2], max(depth_m / MOVE_M, -SLOW), atol=1e-12)
+
+
+def test_fingers_open_that_something_else_than_the_handle_has_stopped():
+    """Fingers 4 cm apart cannot hold a handle of 1 cm."""
+    blocked = {"command": 1.0, "width_m": 0.04}
+    assert act(DRAWER, **blocked)[7] == -1.0
+    assert act(DRAWER, **blocked, since_s=BLOCKED_S - 0.1)[7] == 1.0
+    assert act(DRAWER, **blocked, closed_m=0.005)[7] == 1.0
+    assert act(DRAWER._replace(thick_m=0.035), **blocked)[7] == 1.0
+
+
+def test_a_gripper_that_presses_on_the_object_backs_off():
+    assert_allclose(act(DRAWER, press_n=PRESS_N - 1.0)[2], 0.0, atol=1e-12)
+    back = act(DRAWER, press_n=PRESS_N + 1.0, command=1.0)
+    assert back[7] == 1.0
+    assert_allclose(back[2], -min(BACK_OFF_M / MOVE_M, SLOW))
+    push = DRAWER._replace(shut=True, thick_m=0.0, aim=0.0)
+    before = {"T_th": ahead(0.0, 0.0, 0.03), "width_m": 0.0}
+    assert_allclose(act(push, **before, press_n=20.0), act(push, **before))
+
+
 @pytest.mark.parametrize("closes", [False, True])
 def test_it_brakes_before_the_target_and_stays_there(closes):
     params = DRAWER._replace(aim=0.04) if closes else DRAWER
@@ -125,13 +171,13 @@ def test_it_comes_to_the_handle_unless_a_finger_would_meet_its_front():
 
     def stays_back(beside_m, thick_m):
         out, T_ha = np.empty((4, 4)), pose(np.array([0.0, beside_m, -0.05]))
-        _write_before(np.eye(4), T_ha, False, DRAWER._replace(thick_m=thick_m), out)
+        _write_before(np.eye(4), T_ha, False, 0.0, DRAWER._replace(thick_m=thick_m), out)
         return out[2, 3] < 0.0
 
     got = [[stays_back(b, t) for b in (0.004, 0.008, 0.03)] for t in (0.012, 0.07)]
     assert got == [[False, False, True], [False, True, True]]
     out = np.empty((4, 4))
-    _write_before(np.eye(4), np.eye(4), True, DRAWER, out)
+    _write_before(np.eye(4), np.eye(4), True, 0.0, DRAWER, out)
     assert_allclose(out, pose(np.array([0.0, 0.0, -RETREAT_M])))
 
 
