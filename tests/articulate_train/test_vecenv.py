@@ -119,10 +119,9 @@ def test_attributes_and_methods_are_reached_through_it(env):
     assert set(env.env_method("snapshot")[0]) == set(env.episodes.snapshot())
 
 
-def test_motions_are_finer_near_the_handle_and_the_grippers_command_is_not(env, monkeypatch):
+def test_motions_are_finer_at_the_goal_and_the_grippers_command_is_not(env, monkeypatch):
     env.reset()
-    near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open gripper
-    near[:, OBSERVATION.slice("goal_error_fine")] = -4.0  # the part far from its target
+    near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the part at its target
     env.restore(near, {})
     calls, step = [], env.episodes.step
 
@@ -132,5 +131,5 @@ def test_motions_are_finer_near_the_handle_and_the_grippers_command_is_not(env, 
 
     monkeypatch.setattr(env.episodes, "step", stepped)
     env.step(np.full((N, ACTION.size), 2.0, dtype=np.float32))
-    assert_allclose(calls[0][:, :MOTIONS], ActionScalingConfig().near_handle, rtol=1e-6)
+    assert_allclose(calls[0][:, :MOTIONS], ActionScalingConfig().at_goal, rtol=1e-6)
     assert_allclose(calls[0][:, MOTIONS:], 1.0)

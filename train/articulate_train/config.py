@@ -142,40 +142,20 @@ class ImitationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ActionScalingConfig:
-    """Scaling of the policy's corrections near the handle and near the goal."""
+    """Scaling of the policy's corrections near the goal."""
 
-    near_handle: float = 0.35
-    """Scale of corrections at the handle while the gripper is open; 1 turns scaling off."""
-    while_closing: float = 0.25
-    """Scale from the closing command until the fingers have closed, which takes up to 2 s."""
-    near_m: float = 0.03
-    """Distance to the handle within which these scales apply fully [m]."""
-    far_m: float = 0.10
-    """Distance from which on they do not apply [m]."""
-    closed_width_m: tuple[float, float] = (0.072, 0.078)
-    """Finger openings between which the gripper counts as closed, if it is at rest [m]. A gripper
-    opens to 0.08 m and holds at most 0.07 m."""
-    closed_speed_m_s: float = 0.05
-    """Speed of the opening from which the gripper is not at rest [m/s]; closing, it has 0.1."""
-    at_goal: float = 0.1
-    """Scale at the goal, independent of the handle. It limits drift while the part is held, and
-    the force on a closed part."""
+    at_goal: float = 0.5
+    """Scale of corrections at the goal. It limits drift while the part is held, and the force on a
+    closed part; 1 turns scaling off."""
     goal_range: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the travel relative to the target between which ``at_goal`` fades in."""
     goal_range_max_m: float = 0.05
     """Maximum length of that range along the handle's path [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("near_handle", "while_closing", "at_goal"):
-            value = getattr(self, name)
-            if not 0.0 < value <= 1.0:
-                raise ConfigError(
-                    f"action_scaling.{name} is {value}; it must be above 0 and at most 1"
-                )
-        if not 0.0 <= self.near_m < self.far_m < math.inf:
+        if not 0.0 < self.at_goal <= 1.0:
             raise ConfigError(
-                f"action_scaling.near_m is {self.near_m} and action_scaling.far_m {self.far_m}; "
-                "they must grow from 0"
+                f"action_scaling.at_goal is {self.at_goal}; it must be above 0 and at most 1"
             )
         begin, end = self.goal_range
         if not GOAL_ERROR_RANGE[0] <= begin < end <= GOAL_ERROR_RANGE[1]:
@@ -183,12 +163,7 @@ class ActionScalingConfig:
                 f"action_scaling.goal_range is {begin} {end}; it must be two growing fractions in "
                 f"[{GOAL_ERROR_RANGE[0]:g}, {GOAL_ERROR_RANGE[1]:g}]"
             )
-        begin, end = self.closed_width_m
-        if not 0.0 <= begin < end:
-            raise ConfigError(
-                f"action_scaling.closed_width_m is {begin} {end}; it must be two growing openings"
-            )
-        check_above_0("action_scaling", self, "goal_range_max_m", "closed_speed_m_s")
+        check_above_0("action_scaling", self, "goal_range_max_m")
 
     def for_path(self, path_m: float | None) -> ActionScalingConfig:
         """Return the configuration of a task whose handle moves by ``path_m`` [m].
