@@ -8,11 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError
-from articulate.task.observation import (
-    ACTION,
-    GOAL_ERROR_UNIT,
-    OBSERVATION,
-)
+from articulate.task.observation import ACTION, GOAL_ERROR_UNIT, OBSERVATION
 from articulate_train.action_scaling import (
     GRIPPER_GAIN,
     action_scales,

@@ -47,7 +47,7 @@ FREE_SHARE = 0.7
 moves away from the limit."""
 AVOIDANCE_GAIN, AVOIDANCE_SHARE = 10.0, 0.5
 """Gain of that motion, and its largest size as a share of the elbow's largest motion."""
-WIDEST_M = 0.08
+WIDEST_M = Gripper.max_width_m
 """Opening of an open gripper [m]."""
 ROUNDING_S = 1e-9
 """Slack for comparing times that are sums of control steps [s]."""
@@ -258,7 +258,7 @@ def _limit_avoidance(target: Array, params: TargetParams, work: TargetWorkspace)
         half = 0.5 * (params.high[k] - params.low[k])
         share = (target[k] - params.low[k]) / half - 1.0
         excess = max(abs(share) - FREE_SHARE, 0.0)
-        descent -= excess * work.elbow[k] if share > 0.0 else -excess * work.elbow[k]
+        descent -= math.copysign(excess, share) * work.elbow[k]
     return min(max(AVOIDANCE_GAIN * descent, -AVOIDANCE_SHARE), AVOIDANCE_SHARE)
 
 
@@ -357,8 +357,8 @@ class GripperState(NamedTuple):
     closing: Array
     """Motion of the fingers, +1 close, -1 open (N,)."""
     release_width: Array
-    """Opening at the last command to open, :data:`WIDEST_M` before the first (N,) [m]: it shows
-    how a grasp failed."""
+    """Opening at the last command to open, :data:`WIDEST_M` before the first (N,) [m]. It is the
+    result of the last grasp."""
 
     def copy(self) -> GripperState:
         """Return a copy of all arrays."""

@@ -113,8 +113,8 @@ it is above 0 beyond the target, for opening and closing tasks.
 ``measured_force`` is the net force of the surroundings on the gripper as the arm measures it, under
 the filter of the episode monitor (50 ms): the tracking error cannot distinguish contact from the
 arm's own friction.
-``release_width`` is the opening between the fingers at the last command to open. It
-distinguishes a grasp that slipped off from one that something else blocked.
+``release_width`` is the opening between the fingers at the last command to open. It distinguishes a
+grasp that slipped off from one that was blocked.
 ``pending_actions`` is the sum of the motions that were requested and have not acted yet: without
 it a policy cannot predict the tool under action latency. Latency that the controller does not
 know about is not in it.

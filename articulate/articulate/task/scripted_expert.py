@@ -5,7 +5,7 @@ and stays at the target. Closed fingers push a part without a handle that is to 
 one behind its edge that is to be opened. Its inputs are available on a robot: the state of arm,
 gripper and controller, and the estimated state of an object of nominal size. It uses the current
 control step and the opening at which the last grasp was released, so it can act from any state. A
-grasp that slipped off is repeated deeper, one that something blocked less deep.
+grasp that slipped off is repeated deeper, a blocked one less deep.
 
 Its action is a field of the observation (:mod:`articulate.task.observation`), which policies
 correct.
@@ -20,6 +20,7 @@ import numpy as np
 from articulate.assets.asset import Asset, Handle
 from articulate.jit import row_function
 from articulate.robot.config import ControlConfig
+from articulate.robot.control import WIDEST_M
 from articulate.robot.kinematics import write_small_twist
 from articulate.task.grasp import HELD_SHARE, grasp_of
 from articulate.task.object_placement import (
@@ -75,8 +76,8 @@ DEEPER_M, SHALLOWER_M = 0.004, 0.006
 PRESS_N, BACK_OFF_M = 6.0, 0.010
 """Force against the approach above which the gripper backs off, and distance [N, m]: fingertips
 that press on a part do not centre its handle."""
-OPEN_M, ROOM_M = 0.08, 0.004
-"""Largest finger opening, and least room between a finger and the side of a handle [m]."""
+ROOM_M = 0.004
+"""Least room between a finger and the side of a handle [m]."""
 MOVED_M = 0.003
 """Distance by which fingers that hold something are closer together than open ones [m]."""
 SHUT_M = 0.04
@@ -213,10 +214,10 @@ def write_expert_action(
     commanded, width = inputs.gripper.command[i] > 0.0, inputs.gripper_width[i]
     between, empty = _between(T_ht, width, params)
     held = commanded and between and not empty
-    held = held and width <= min(params.thick_m + HELD_M, OPEN_M - MOVED_M)
+    held = held and width <= min(params.thick_m + HELD_M, WIDEST_M - MOVED_M)
     if params.shut:
         held, empty = _behind(T_ht) if params.hooks else _touching(T_ht), False
-    at_rest = abs(width - inputs.last_gripper_width[i]) < REST_M and width < OPEN_M - MOVED_M
+    at_rest = abs(width - inputs.last_gripper_width[i]) < REST_M and width < WIDEST_M - MOVED_M
     blocked = commanded and between and not held and not empty and not params.shut
     blocked = blocked and at_rest and inputs.gripper.since_s[i] >= BLOCKED_S
     near, at = _at_handle(T_ht, T_ha, params)
@@ -239,7 +240,7 @@ def _depth(release_width: float, params: ExpertParams) -> float:
     """Return the depth of a grasp beyond the middle of the handle [m], after the last one."""
     if release_width < HELD_SHARE * params.thick_m:
         return params.deep_m + DEEPER_M
-    if params.thick_m + HELD_M < release_width < OPEN_M - MOVED_M:
+    if params.thick_m + HELD_M < release_width < WIDEST_M - MOVED_M:
         return params.deep_m - SHALLOWER_M
     return params.deep_m
 
@@ -344,7 +345,7 @@ def _write_before(
     """Write the goal pose (4, 4) of an open gripper, ``depth`` [m] beyond the handle's middle."""
     beside = _beside(T_ha[0, 3], params)
     lateral = np.sqrt(beside**2 + T_ha[1, 3] ** 2)
-    straight = 0.5 * (OPEN_M - params.thick_m) - ROOM_M
+    straight = 0.5 * (WIDEST_M - params.thick_m) - ROOM_M
     straight = min(max(straight, STRAIGHT_M[0]), STRAIGHT_M[1])
     if params.hooks:
         straight = STRAIGHT_M[0]
