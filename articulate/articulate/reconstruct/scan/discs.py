@@ -195,7 +195,7 @@ def _is_dial(fronts: Sequence[PartProposal], carrier: int, disc: Disc) -> bool:
         return False
     sides = front.panel[2:] - front.panel[:2]
     share = float(disc.size[1:].max() / sides.min())
-    least = SMALL_DIAL if len(fronts) == 1 and front.protrusions > 1 else DIAL
+    least = SMALL_DIAL if len(fronts) == 1 and len(front.handles) > 1 else DIAL
     return least < share < 0.6
 
 

@@ -46,8 +46,9 @@ LEG = 3.0
 """Narrow panels that are taller than this ratio are legs or stiles."""
 WIDE = 0.42
 """Panels lower than this share of their width are drawers rather than flaps."""
-LEAF = 0.35
-"""Largest thickness of a board, as a share of the shorter side of its panel."""
+LEAF, CHAMFER = 0.35, 0.07
+"""Largest thickness of a board, as a share of the shorter side of its panel, and largest width of
+the chamfer around its front, as a share of each side."""
 FLAP = 0.7
 """Panels lower than this share of their width are flaps if a knob is centred on them."""
 MIRROR, MIRRORED = 0.3, 0.05
@@ -373,7 +374,7 @@ def _base(parts: Segmentation, front: Front) -> PartProposal:
         confidence=0.7,
         panel=panel.rect,
         front=panel.front,
-        protrusions=len(panel.handles),
+        handles=panel.handles,
     )
 
 
@@ -381,8 +382,9 @@ def _leaf(parts: Segmentation, panel: Panel) -> Ints:
     """Return the faces of the shells of a panel that are boards with its outline (K,)."""
     shells = np.unique(parts.shells.label[panel.own])
     boxes = parts.shells.boxes[shells]
-    within = (boxes[:, 0, 1:] > panel.rect[:2] - 2.0 * parts.near).all(axis=1)
-    within &= (boxes[:, 1, 1:] < panel.rect[2:] + 2.0 * parts.near).all(axis=1)
+    rim = np.maximum(2.0 * parts.near, CHAMFER * panel.size)
+    within = (boxes[:, 0, 1:] > panel.rect[:2] - rim).all(axis=1)
+    within &= (boxes[:, 1, 1:] < panel.rect[2:] + rim).all(axis=1)
     within &= np.ptp(boxes[..., 0], axis=1) < LEAF * panel.size.min()
     return parts.faces_of(parts.shells, shells[within])
 

@@ -60,6 +60,8 @@ LEAST_CONFIDENCE = 0.65
 CERTAIN, BETTER = 0.6, 0.1
 """A front whose surest part has the first confidence is covered; others must be better by the
 second."""
+EDGE = 0.25
+"""Sides that are narrower than this share of depth and height are not the front."""
 TOY_M = 0.25
 """An object of unknown category with doors or drawers is not smaller [m]."""
 MASKS = "masks"
@@ -192,6 +194,8 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     best: tuple[float, Front, FoundParts] | None = None
     for front in TURNS if hints.front == "auto" else TURNS[:1]:
         mesh = turned(scan.mesh, front)
+        if hints.front == "auto" and mesh.size[1] < EDGE * min(mesh.size[0], mesh.size[2]):
+            continue  # the edge of a room door or window
         found = propose_parts(mesh, counts)
         certain = max((proposal.confidence for proposal in found.parts), default=0.0)
         if best is not None and any(_covers(mesh, proposal) for proposal in found.parts):

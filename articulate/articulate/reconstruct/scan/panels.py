@@ -35,8 +35,9 @@ EDGE_SHARE = 0.8
 RIM, DEEP, ENTIRE = 0.5, 0.5, 0.85
 """A surface over the entire front that covers less of its rectangle, of a shell deeper than the
 second share of the object, is the rim of the body around an opening."""
-DEEPEST = 0.45
-"""Panels farther behind the front than this share of the depth are backs of shelves."""
+DEEPEST, RECESSED = 0.55, 0.06
+"""Panels farther behind the front than this share of the depth are backs of shelves, unless they
+are within the second share of the diagonal of the front: a door in its frame, behind a knob."""
 HANDLE_SHARE = 0.45
 """Largest share of a panel that a handle covers."""
 
@@ -147,7 +148,8 @@ def _of_level(mesh: ScanMesh, cells: Cells, view: FrontView) -> list[Panel]:
     pixels = np.bincount(label[label >= 0].ravel(), minlength=cells.count)
     low, size = mesh.bounds[0], mesh.size
     front_area = max(float(size[1] * size[2]), 1e-12)
-    side = MIN_SIDE * float(np.hypot(size[1], size[2]))
+    across = float(np.hypot(size[1], size[2]))
+    side, deepest = MIN_SIDE * across, max(DEEPEST * float(size[0]), RECESSED * across)
     boxes = cells.boxes
     sides = boxes[:, 1, 1:] - boxes[:, 0, 1:]
     likely = (sides.min(axis=1) > side) & (sides.prod(axis=1) > MIN_AREA * front_area)
@@ -156,7 +158,7 @@ def _of_level(mesh: ScanMesh, cells: Cells, view: FrontView) -> list[Panel]:
     for k in np.flatnonzero(likely):
         rect = boxes[k][:, 1:].ravel()
         panel = _panel(mesh, cells, view, int(k), rect, label == k)
-        if panel is not None and panel.front > low[0] + DEEPEST * size[0]:
+        if panel is not None and panel.front > low[0] + size[0] - deepest:
             found.append(panel)
     return found
 

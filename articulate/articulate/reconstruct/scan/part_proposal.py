@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
+from articulate.reconstruct.scan.panels import Handle
 from articulate.transforms import Array, Ints
 
 PartKind = Literal[
@@ -35,8 +36,8 @@ class PartProposal:
     """Observations that support it."""
     panel: Array | None = None
     """``(y0, z0, y1, z1)`` of a front panel (4,) [m]; None for other parts."""
-    protrusions: int = 0
-    """Number of handles and knobs on a front panel."""
+    handles: tuple[Handle, ...] = ()
+    """Handles and knobs on a front panel."""
     front: float = 0.0
     """Coordinate x of the front panel's surface [m]."""
     hollow: bool = False
@@ -74,6 +75,9 @@ def scaled(proposal: PartProposal, factor: float) -> PartProposal:
         lower=factor * proposal.lower if slides else proposal.lower,
         upper=factor * proposal.upper if slides else proposal.upper,
         panel=None if proposal.panel is None else factor * proposal.panel,
+        handles=tuple(
+            Handle(rect=factor * h.rect, height=factor * h.height) for h in proposal.handles
+        ),
         front=factor * proposal.front,
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.reconstruct.scan.discs import knobs, round_door, wheels
+from articulate.reconstruct.scan.door_handles import turning_handles
 from articulate.reconstruct.scan.faucets import faucet_parts
 from articulate.reconstruct.scan.fronts import find_fronts, front_parts
 from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
@@ -97,7 +98,9 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     fronts, sure = find_fronts(parts)
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
-        return FoundParts(parts=tuple(with_details(parts, porthole)))
+        beside = [front for front in fronts if len(front.tray)]
+        found = [*porthole, *_clear_of(front_parts(parts, beside), porthole[0])]
+        return FoundParts(parts=tuple(with_details(parts, found)))
     if not sure and len(fronts) < 2:
         flaps = open_flaps(parts)
         if flaps:
@@ -111,6 +114,11 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
     return FoundParts(parts=tuple(with_details(parts, found)))
+
+
+def _clear_of(found: Sequence[PartProposal], other: PartProposal) -> list[PartProposal]:
+    """Return the proposals without faces of ``other``."""
+    return [p for p in found if not np.isin(other.faces, p.faces).any()]
 
 
 def rated(found: Sequence[PartProposal], counts: Mapping[str, int]) -> list[PartProposal]:
@@ -143,7 +151,12 @@ def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartPro
     covered = np.zeros(len(parts.mesh.faces), dtype=bool)
     for proposal in found:
         covered[proposal.faces] = True
-    details = [*knobs(parts, covered, found), *wheels(parts)]
+    turning = turning_handles(parts, found)
+    claimed = np.zeros(len(covered), dtype=bool)
+    for proposal in turning:
+        claimed[proposal.faces] = True
+    round_ones = [knob for knob in knobs(parts, covered, found) if not claimed[knob.faces].any()]
+    details = [*turning, *round_ones, *wheels(parts)]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
     left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
     return [p for p in [*left, *details] if len(p.faces)]

@@ -40,6 +40,14 @@ def double_doors():
     return carcass(), doors
 
 
+def room_door(*handle):
+    """A board of 0.8 by 2 m in a frame, with the boxes of a handle as its second part."""
+    posts = [box((0, y, 0), (0.1, y + 0.04, 2.05)) for y in (-0.44, 0.4)]
+    top = box((0, -0.4, 2.01), (0.1, 0.4, 2.05))
+    board = box((0.03, -0.398, 0.005), (0.07, 0.398, 2.0))
+    return [*posts, top], [[board], [box(*corners) for corners in handle]]
+
+
 def plain_boards(*rects):
     """Boards without handles over the front, each from (y0, z0) to (y1, z1)."""
     return carcass(), [[box((0.5, y0, z0), (0.52, y1, z1))] for y0, z0, y1, z1 in rects]

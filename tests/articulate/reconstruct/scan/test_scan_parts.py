@@ -17,6 +17,7 @@ from tests.articulate.reconstruct.scan.scan_objects import (
     merged,
     overlap,
     plain_boards,
+    room_door,
     safe,
     side_lever_faucet,
     write,
@@ -90,6 +91,52 @@ def test_a_small_board_beside_a_door_without_a_handle_is_a_control_panel():
     door, controls = (-0.398, 0.02, 0.2, 0.88), (0.202, 0.02, 0.398, 0.88)
     _, found, overlaps = found_in((carcass()[:4], plain_boards(door, controls)[1]))
     assert len(found.parts) == 1
+    assert overlaps[0] > 0.95
+
+
+LEVER = [((0.07, 0.29, 0.95), (0.11, 0.31, 0.97)), ((0.11, 0.18, 0.95), (0.13, 0.31, 0.97))]
+PULL = [((0.07, 0.29, 0.8), (0.11, 0.31, 1.1))]
+KNOB = [((0.07, 0.27, 0.95), (0.13, 0.33, 1.01))]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_lever_of_a_room_door_turns_down_about_its_end_at_the_edge(side):
+    lever = [
+        ((x0, *sorted((side * y0, side * y1))[:1], z0), (x1, max(side * y0, side * y1), z1))
+        for (x0, y0, z0), (x1, y1, z1) in LEVER
+    ]
+    _, found, overlaps = found_in(room_door(*lever))
+    door, handle = found.parts
+    assert (door.kind, handle.kind, handle.joint, handle.on) == ("door", "switch", "revolute", 0)
+    assert min(overlaps) > 0.95
+    np.testing.assert_allclose(handle.pivot[1:], [side * 0.3, 0.96], atol=0.02)
+    free_end = np.array([0.12, side * 0.18, 0.96]) - handle.pivot
+    assert np.cross(handle.axis, free_end)[2] < -0.05
+
+
+def test_a_knob_of_a_room_door_turns_and_a_vertical_bar_is_part_of_the_door():
+    _, found, overlaps = found_in(room_door(*KNOB))
+    assert [part.kind for part in found.parts] == ["door", "knob"]
+    assert min(overlaps) > 0.95
+    _, found, _ = found_in(room_door(*PULL))
+    assert [part.kind for part in found.parts] == ["door"]
+
+
+def test_the_edge_of_a_room_door_is_not_its_front(tmp_path):
+    mesh, _ = merged(*room_door(*PULL))
+    turned_mesh = mesh.transformed(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), 1.0, np.zeros(3))
+    write(turned_mesh, tmp_path / "door.glb")
+    _, found = find_parts(read_scan(tmp_path / "door.glb", ScanHints()), ScanHints())
+    assert [part.kind for part in found] == ["door"]
+    np.testing.assert_allclose(np.ptp(found[0].panel[[0, 2]]), 0.8, atol=0.1)
+
+
+def test_faces_of_a_chamfered_door_belong_to_it():
+    fixed, [[board], _] = room_door()
+    board.vertices[board.vertices[:, 0] > 0.05, 1:] -= 0.03 * np.sign(
+        board.vertices[board.vertices[:, 0] > 0.05, 1:] - [0, 1]
+    )
+    _, _, overlaps = found_in((fixed, [[board]]))
     assert overlaps[0] > 0.95
 
 
