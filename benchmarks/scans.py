@@ -10,6 +10,7 @@ objects to closed surfaces, seeds from 0 for development and from 1000 to publis
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
 ``--view`` a rendered photo, or a video in which one joint is operated, by an unknown camera.
+``--turned`` turns each object by a multiple of 90 degrees, chosen by the hash of its id.
 """
 
 from __future__ import annotations
@@ -119,12 +120,20 @@ def write(mesh: ScanMesh, path: Path) -> None:
 
 
 def score(
-    merged: Merged, truth: TrueObject, scan: Scan, found: Sequence[PartProposal]
+    merged: Merged,
+    truth: TrueObject,
+    scan: Scan,
+    found: Sequence[PartProposal],
+    placed: ScanMesh,
 ) -> dict[str, Any]:
-    """Return F1 at an area IoU of 0.5, and which joints of matched parts are right."""
+    """Return F1 at an area IoU of 0.5, and which joints of matched parts are right.
+
+    ``placed`` is the merged mesh as it is in the file, in another pose.
+    """
     mesh = scan.mesh
     centres = merged.mesh.triangles.mean(axis=1)
-    near = np.asarray(cKDTree(centres @ TO_Y_UP.T).query(scan.file_centres)[1])
+    in_file = placed.triangles.mean(axis=1) @ TO_Y_UP.T
+    near = np.asarray(cKDTree(in_file).query(scan.file_centres)[1])
     part = merged.part[near]
     scale, rotation, shift = _similarity(centres[near], mesh.triangles.mean(axis=1))
     n_true, n_found = len(truth.joints), len(found)
@@ -154,6 +163,13 @@ def score(
         "f1": 2.0 * matched / max(seen + n_found, 1),
         "joints": joints,
     }
+
+
+def _turned(mesh: ScanMesh, key: str) -> ScanMesh:
+    """Turn a mesh about the vertical by a multiple of 90 degrees that depends on ``key``."""
+    quarter = int(hashlib.sha256(key.encode()).hexdigest(), 16) % 4
+    c, s = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
+    return replace(mesh, vertices=mesh.vertices @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
 
 
 def _similarity(source: Array, target: Array) -> tuple[float, Array, Array]:
@@ -231,7 +247,8 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
         shell = fused_shell(merged.mesh)
         merged = Merged(mesh=shell, part=nearest_part(shell, merged.mesh, merged.part))
     path = folder / "scan.glb"  # a name may imply the category
-    write(merged.mesh, path)
+    placed = _turned(merged.mesh, truth.object_id) if args.turned else merged.mesh
+    write(placed, path)
     hints = ScanHints(text=truth.category if args.text else "")
     if args.masks:
         hints = replace(hints, masks=write_masks(merged, truth, folder / "masks.npz"))
@@ -248,7 +265,7 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
     if hints.view is not None:
         found = list(add_view(scan.mesh, found, hints.view, smooth=scan.smooth).parts)
     row = {"id": truth.object_id, "category": truth.category, "faces": len(merged.mesh.faces)}
-    row |= score(merged, truth, scan, found)
+    row |= score(merged, truth, scan, found, placed)
     row["kinds"] = [proposal.kind for proposal in found]
     row["seconds"] = round(time.monotonic() - start, 2)
     if args.make:
@@ -351,6 +368,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--text", action="store_true", help="give the category as text")
     parser.add_argument("--view", choices=("image", "video"), help="show the object")
     parser.add_argument("--masks", action="store_true", help="give the true parts as masks")
+    parser.add_argument("--turned", action="store_true", help="do not keep the front at +x")
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)

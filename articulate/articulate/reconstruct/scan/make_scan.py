@@ -57,9 +57,10 @@ from articulate.transforms import Ints
 ACTOR = "scan"
 LEAST_CONFIDENCE = 0.65
 """Parts with a lower confidence make the result doubtful."""
-CERTAIN, BETTER = 0.6, 0.1
-"""A front whose surest part has the first confidence is covered; others must be better by the
-second."""
+PLAIN = 0.5
+"""Weight of panels without handles and of knobs, and of a side that one panel covers."""
+FILE_FRONT = 1.25
+"""Weight of the front by the convention of the file."""
 EDGE = 0.25
 """Sides that are narrower than this share of depth and height are not the front."""
 TOY_M = 0.25
@@ -187,8 +188,8 @@ def _part_set(scan: Scan, built: Built, path: Path) -> PartSet:
 def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     """Return the scan with its front at +x, and the parts on its surface.
 
-    Another side is the front only if the first one shows no sure part. An object whose parts imply
-    its category gets the size that is usual for it.
+    The front is the side with the most evidence of parts. An object whose parts imply its category
+    gets the size that is usual for it.
     """
     counts = counts_in(hints.text) if hints.text else None
     best: tuple[float, Front, FoundParts] | None = None
@@ -197,13 +198,13 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
         if hints.front == "auto" and mesh.size[1] < EDGE * min(mesh.size[0], mesh.size[2]):
             continue  # the edge of a room door or window
         found = propose_parts(mesh, counts)
-        certain = max((proposal.confidence for proposal in found.parts), default=0.0)
-        if best is not None and any(_covers(mesh, proposal) for proposal in found.parts):
-            continue  # a side of the body
-        if found.parts and (best is None or certain > best[0] + BETTER):
-            best = (certain, front, found)
-        if certain >= CERTAIN:
-            break
+        score = _front_score(found.parts)
+        if front == TURNS[0]:
+            score *= FILE_FRONT
+        elif any(_covers(mesh, part) for part in found.parts):
+            score *= PLAIN  # perhaps a side of the body
+        if found.parts and (best is None or score > best[0]):
+            best = (score, front, found)
     if best is None:
         return scan, []
     _, front, found = best
@@ -214,6 +215,19 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     proposals = [scaled(proposal, scale) for proposal in found.parts]
     mesh = mesh.transformed(np.eye(3), scale, np.zeros(3))
     return replace(scan, mesh=mesh, category=category, assumptions=notes), proposals
+
+
+def _front_score(parts: Sequence[PartProposal]) -> float:
+    """Return the evidence that a side with ``parts`` is the front: the sum of confidences.
+
+    The sides and the back of furniture have panels too, but no handles.
+    """
+    score = 0.0
+    for part in parts:
+        plain = part.kind == "knob" or (part.panel is not None and not part.handles)
+        if part.kind != "wheel":
+            score += (PLAIN if plain else 1.0) * part.confidence
+    return score
 
 
 def _covers(mesh: ScanMesh, proposal: PartProposal) -> bool:

@@ -131,6 +131,18 @@ def test_the_edge_of_a_room_door_is_not_its_front(tmp_path):
     np.testing.assert_allclose(np.ptp(found[0].panel[[0, 2]]), 0.8, atol=0.1)
 
 
+@pytest.mark.parametrize("quarter", range(4))
+def test_the_side_with_handles_is_the_front_of_open_furniture(quarter, tmp_path):
+    fixed, drawers = chest_of_drawers()
+    mesh, _ = merged([board for k, board in enumerate(fixed) if k != 1], drawers)  # without a side
+    c, s = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    write(mesh.transformed(turn, 1.0, np.zeros(3)), tmp_path / "chest.glb")
+    _, found = find_parts(read_scan(tmp_path / "chest.glb", ScanHints()), ScanHints())
+    assert [part.kind for part in found] == ["drawer"] * 3
+    assert all(len(part.handles) == 1 for part in found)
+
+
 def test_faces_of_a_chamfered_door_belong_to_it():
     fixed, [[board], _] = room_door()
     board.vertices[board.vertices[:, 0] > 0.05, 1:] -= 0.03 * np.sign(
