@@ -134,7 +134,7 @@ def test_the_edge_of_a_room_door_is_not_its_front(tmp_path):
 @pytest.mark.parametrize("quarter", range(4))
 def test_the_side_with_handles_is_the_front_of_open_furniture(quarter, tmp_path):
     fixed, drawers = chest_of_drawers()
-    mesh, _ = merged([board for k, board in enumerate(fixed) if k != 1], drawers)  # without a side
+    mesh, _ = merged([board for k, board in enumerate(fixed) if k != 0], drawers)  # no back
     c, s = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     write(mesh.transformed(turn, 1.0, np.zeros(3)), tmp_path / "chest.glb")
