@@ -39,8 +39,6 @@ TARGETS = (0.8, 0.6, 0.45, 0.3)
 """Targets in order, as a share of the range."""
 MAX_JOINTS = 2
 """Joints of an object for each task."""
-EXPERT_EPISODES = 16
-"""Episodes of the scripted expert on each scene."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +95,7 @@ def _record(asset: Asset, common: dict[str, Any]) -> SceneRecord:
     estimates: dict[int, Feasibility] = {}
 
     def rate(scene: Scene) -> float:
-        estimates[id(scene)] = found = estimate_feasibility(
-            scene, n_episodes=EXPERT_EPISODES, n_threads=1
-        )
+        estimates[id(scene)] = found = estimate_feasibility(scene, n_threads=1)
         return found.success
 
     for target_open in TARGETS:

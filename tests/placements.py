@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock
 
@@ -25,20 +26,29 @@ FOLDER = "ARTICULATE_TEST_RESULTS"
 
 
 def find_placement(
-    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, **grasps: Any
 ) -> ObjectPlacement:
     """Return the result of :func:`articulate_envs.placement_search.find_placement`, from memory."""
     stages = placement_search.SEARCH_STAGES, placement_search.MAX_TRIES
     aim = task.joint, task.target, task.begin, task.far, task.closes
     ranges = config.scale, config.position_m, config.yaw_rad
-    key = repr((dataclasses.replace(asset, folder=Path()), aim, arm, ranges, stages))
+    key = repr(
+        (
+            dataclasses.replace(asset, folder=Path()),
+            aim,
+            arm,
+            ranges,
+            stages,
+            *sorted(grasps.items()),
+        )
+    )
     folder = Path(os.environ[FOLDER])
     folder.mkdir(exist_ok=True)
     file = folder / hashlib.sha256(key.encode()).hexdigest()
     with FileLock(file.with_suffix(".lock")):
         if not file.exists():
             try:
-                placement = placement_search.find_placement(asset, task, arm, config)
+                placement = placement_search.find_placement(asset, task, arm, config, **grasps)
                 write_json(file, dataclasses.asdict(placement))
             except ReachError as error:
                 write_json(file, {"error": str(error)})

@@ -28,11 +28,17 @@ from articulate_envs.scene import Scene, build_scene
 SMALLER_TARGETS = (None, 0.6, 0.45, 0.3)
 """Targets in order, as a share of the range; None is the task's own."""
 GOOD_SUCCESS = 0.8
-"""Success rate of the scripted expert from which no other choice is tried."""
+"""Success rate of the scripted expert from which no other joint, handle or target is tried."""
+SURE_SUCCESS = 0.9
+"""Success rate of the scripted expert from which no other grasp of the handle is tried."""
+TILTS_RAD = (-0.3, 0.3)
+"""Further tilts of the grasp that are tried [rad]."""
+DEEPER_M = (0.004, 0.008)
+"""Further depths of the grasp that are tried [m]."""
 FAIR_SUCCESS = 0.5
 """Success rate of the scripted expert from which no smaller target is tried."""
 MAX_RATED = 6
-"""Most choices that are rated."""
+"""Most joints, handles and targets that are rated."""
 HOME_HEIGHT_M = 0.78
 """Height of the tool over the robot's base at home [m]; handles are compared to it as if objects
 were on the robot's floor."""
@@ -89,9 +95,10 @@ def choose_scene(
     Args:
         config: Task, randomization and physics.
         asset: Object.
-        rate: Function that returns the success rate of a scene, in [0, 1]. The first choice that
-            reaches :data:`GOOD_SUCCESS` is returned, else the best. Without it the first is
-            returned.
+        rate: Function that returns the success rate of a scene, in [0, 1]. The search of joint,
+            handle and target ends with the first that reaches :data:`GOOD_SUCCESS`; below
+            :data:`SURE_SUCCESS` other grasps of the best are rated. Without ``rate`` the first
+            scene is returned.
 
     Raises:
         AssetError: The joint does not exist, or none matches the task.
@@ -99,21 +106,77 @@ def choose_scene(
     """
     search = _Search(config, asset)
     targets = SMALLER_TARGETS if config.target_open is None else (config.target_open,)
-    best: tuple[float, Scene] | None = None
-    n_rated = 0
-    for target_open in targets:
-        for scene in search.scenes(target_open):
-            success = 1.0 if rate is None else rate(scene)
-            n_rated += 1
-            if best is None or success > best[0]:
-                best = success, scene
-            if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
-                return best[1]
-        if best is not None and best[0] >= FAIR_SUCCESS:
-            break
-    if best is None:
+    if rate is None:
+        for target_open in targets:
+            for scene in search.scenes(target_open):
+                return scene
         raise search.failure()
-    return best[1]
+    best, n_left = _Best(rate), MAX_RATED
+    for target_open in targets:
+        before = best.scene
+        for scene in search.scenes(target_open):
+            best.rate(scene)
+            n_left -= 1
+            if best.success >= GOOD_SUCCESS or n_left == 0:
+                break
+        if best.scene is not before:
+            _try_other_grasps(config, asset, best)
+        if best.success >= FAIR_SUCCESS or n_left == 0:
+            break
+    if best.scene is None:
+        raise search.failure()
+    return best.scene
+
+
+class _Best:
+    """Scene with the highest success rate so far."""
+
+    def __init__(self, rate: Callable[[Scene], float]) -> None:
+        self._rate = rate
+        self.scene: Scene | None = None
+        self.success = -1.0
+
+    def rate(self, scene: Scene) -> None:
+        """Rate a scene."""
+        success = self._rate(scene)
+        if success > self.success:
+            self.scene, self.success = scene, success
+
+
+def _try_other_grasps(config: JointSelectionConfig, asset: Asset, best: _Best) -> None:
+    """Rate the best scene with the gripper turned or tilted, then with a deeper grasp."""
+    for grasps in (_turned, _deeper):
+        if best.scene is None or not 0.0 < best.success < SURE_SUCCESS:
+            return
+        for scene in grasps(config, asset, best.scene):
+            best.rate(scene)
+
+
+def _turned(config: JointSelectionConfig, asset: Asset, scene: Scene) -> Iterator[Scene]:
+    """Yield scenes with the gripper turned by 180 degrees, or tilted further."""
+    now = scene.placement
+    if config.placement is not None:
+        return
+    held = asset if now.handle is None else asset.with_handle(now.handle)
+    grasps = [(not now.flip, now.tilt_rad), *((now.flip, now.tilt_rad + t) for t in TILTS_RAD)]
+    for flip, tilt_rad in grasps:
+        try:
+            found = find_placement(
+                held, scene.task, PANDA, config.randomization, flips=(flip,), tilts_rad=(tilt_rad,)
+            )
+            yield from _graspable(config, asset, scene.task, replace(found, handle=now.handle))
+        except ReachError:
+            continue
+
+
+def _deeper(config: JointSelectionConfig, asset: Asset, scene: Scene) -> Iterator[Scene]:
+    """Yield scenes in which the fingers hold the handle deeper."""
+    handle = scene.asset.handle_of(scene.task.joint)
+    if handle is None or handle.shut:
+        return
+    for deeper_m in DEEPER_M:
+        placement = replace(scene.placement, deeper_m=deeper_m)
+        yield _build(config, asset, scene.task, placement, config.randomization.scale_values)
 
 
 class _Search:
@@ -207,7 +270,7 @@ def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
 def _reached(
     config: JointSelectionConfig, asset: Asset, task: Task, handle: Handle
 ) -> Iterator[Scene]:
-    """Yield scenes of one handle: held beside its middle if that is needed, then at its middle.
+    """Yield the scenes of one handle.
 
     Raises:
         ReachError: It cannot be reached or grasped.
@@ -220,18 +283,46 @@ def _reached(
         placement = placement_at(held, task, PANDA, config.randomization, at, with_nearest=False)
     if handle != asset.handle_of(task.joint):
         placement = replace(placement, handle=handle)
-    build = partial(
-        build_scene, asset, task, arm=PANDA, control=config.control, physics=config.physics
-    )
-    scene, scales = build(placement=placement), config.randomization.scale_values
+    yield from _graspable(config, asset, task, placement)
+
+
+def _graspable(
+    config: JointSelectionConfig, asset: Asset, task: Task, placement: ObjectPlacement
+) -> Iterator[Scene]:
+    """Yield scenes of one placement: held beside the handle's middle if needed, then at it.
+
+    Raises:
+        ReachError: It cannot be grasped.
+    """
+    build = partial(_build, config, asset, task)
+    scene, scales = build(placement), config.randomization.scale_values
     if beside_m := shift_beside(scene):
         beside = replace(placement, beside_m=beside_m)
-        check_grasp(build(placement=beside))
-        yield build(placement=beside, scales=scales)
+        check_grasp(build(beside))
+        yield build(beside, scales)
     try:
         check_grasp(scene)
     except ReachError:
         if beside_m == 0.0:
             raise
         return
-    yield scene if scales == (1.0,) else build(placement=placement, scales=scales)
+    yield scene if scales == (1.0,) else build(placement, scales)
+
+
+def _build(
+    config: JointSelectionConfig,
+    asset: Asset,
+    task: Task,
+    placement: ObjectPlacement,
+    scales: tuple[float, ...] = (1.0,),
+) -> Scene:
+    """Compile the scene of one placement for ``scales``."""
+    return build_scene(
+        asset,
+        task,
+        arm=PANDA,
+        control=config.control,
+        physics=config.physics,
+        placement=placement,
+        scales=scales,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,7 +114,13 @@ SEARCH_STAGES = (
 
 
 def find_placement(
-    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    config: RandomizationConfig,
+    *,
+    flips: Sequence[bool] = (False, True),
+    tilts_rad: Sequence[float] | None = None,
 ) -> ObjectPlacement:
     """Return the best placement, tested from closed to the farthest open fraction of the task.
 
@@ -128,6 +135,8 @@ def find_placement(
         task: Task; it gives the joint and the range of open fractions.
         arm: Kinematics and limits.
         config: Randomization of placement and size.
+        flips: Values of :attr:`.ObjectPlacement.flip` to try.
+        tilts_rad: Tilts of the grasp to try [rad]; None: those of :data:`SEARCH_STAGES`.
 
     Raises:
         PathError: There is none; the message names what would help.
@@ -137,8 +146,8 @@ def find_placement(
     for stage in SEARCH_STAGES:
         candidates = [
             candidate
-            for tilt_rad in stage.tilts_rad
-            for flip in (False, True)
+            for tilt_rad in (stage.tilts_rad if tilts_rad is None else tilts_rad)
+            for flip in flips
             for yaw in _yaws(handle_poses(asset, task.joint, np.zeros(()))[:3, 2])
             for y in Y_M
             for candidate in _candidates(

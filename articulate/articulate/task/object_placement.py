@@ -41,11 +41,15 @@ class ObjectPlacement:
     """Shift of the grasp along the closing axis of the fingers, the y axis of
     :func:`articulate.assets.asset.handle_frame` [m]: an open gripper that approaches beside the
     middle of the handle stays clear of a neighbouring part."""
+    deeper_m: float = 0.0
+    """Shift of the grasp along the approach [m]: fingers that close deeper hold a handle more
+    firmly, and less deep they stay clear of the part behind it."""
     handle: Handle | None = None
     """Place to hold instead of the asset's handle; None: the asset's handle."""
 
     def __post_init__(self) -> None:
-        numbers = (*self.pos_w, self.yaw_rad, *self.start_q, self.tilt_rad, self.beside_m)
+        grasp = (self.tilt_rad, self.beside_m, self.deeper_m)
+        numbers = (*self.pos_w, self.yaw_rad, *self.start_q, *grasp)
         if not all(abs(number) <= MAX_NUMBER for number in numbers):
             raise ConfigError(
                 f"placement: a position or angle is not within {MAX_NUMBER:g} m or rad of 0"
@@ -66,9 +70,9 @@ def grasped(asset: Asset, joint: str, placement: ObjectPlacement) -> Asset:
         asset = asset.with_handle(placement.handle)
     asset = tilted(asset, joint, placement.tilt_rad)
     handle = asset.handle_of(joint)
-    if handle is None or placement.beside_m == 0.0:
+    if handle is None or placement.beside_m == placement.deeper_m == 0.0:
         return asset
-    x, y, z = handle_frame(handle)[:3] @ [0.0, placement.beside_m, 0.0, 1.0]
+    x, y, z = handle_frame(handle)[:3] @ [0.0, placement.beside_m, placement.deeper_m, 1.0]
     return asset.with_handle(replace(handle, pos_l=(float(x), float(y), float(z))))
 
 
