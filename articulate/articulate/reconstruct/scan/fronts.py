@@ -46,9 +46,10 @@ LEG = 3.0
 """Narrow panels that are taller than this ratio are legs or stiles."""
 WIDE = 0.42
 """Panels lower than this share of their width are drawers rather than flaps."""
-LEAF, CHAMFER = 0.35, 0.07
-"""Largest thickness of a board, as a share of the shorter side of its panel, and largest width of
-the chamfer around its front, as a share of each side."""
+LEAF = 0.35
+"""Largest thickness of a board, as a share of the shorter side of its panel."""
+CHAMFER = 0.07
+"""Largest width of the chamfer around a front, as a share of each side."""
 FLAP = 0.7
 """Panels lower than this share of their width are flaps if a knob is centred on them."""
 MIRROR, MIRRORED = 0.3, 0.05
@@ -115,7 +116,7 @@ def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartPropos
 
 def front_of(parts: Segmentation, panel: Panel) -> Front:
     """Return a panel with its boards, its handle and the trays behind it."""
-    panel = _with_backing(parts, panel)
+    panel = _with_backing(parts, _with_chamfer(parts, panel))
     panel = replace(panel, board=_is_board(parts, panel))
     trays = trays_behind(parts, panel)
     attached = [tray for tray in trays if is_attached(parts, panel, tray)]
@@ -156,6 +157,17 @@ def _with_backing(parts: Segmentation, panel: Panel) -> Panel:
         back=min(panel.back, float(spans[:, 0, 0].min())),
         own=np.union1d(panel.own, parts.faces_of(parts.shells, which)),
     )
+
+
+def _with_chamfer(parts: Segmentation, panel: Panel) -> Panel:
+    """Return a panel grown to the outline of its shell, if only a chamfer is between them."""
+    shells = np.unique(parts.shells.label[panel.own])
+    spans = parts.shells.boxes[shells][..., 1:]
+    rect = np.concatenate([spans[:, 0].min(axis=0), spans[:, 1].max(axis=0)])
+    bounds = parts.mesh.bounds[:, 1:].ravel()
+    is_body = (np.abs(rect - bounds) < parts.near).sum() > 2
+    rim = np.abs(rect - panel.rect) / np.tile(panel.size, 2)
+    return panel if is_body or rim.max() > CHAMFER else replace(panel, rect=rect)
 
 
 def _is_board(parts: Segmentation, panel: Panel) -> bool:
@@ -382,9 +394,8 @@ def _leaf(parts: Segmentation, panel: Panel) -> Ints:
     """Return the faces of the shells of a panel that are boards with its outline (K,)."""
     shells = np.unique(parts.shells.label[panel.own])
     boxes = parts.shells.boxes[shells]
-    rim = np.maximum(2.0 * parts.near, CHAMFER * panel.size)
-    within = (boxes[:, 0, 1:] > panel.rect[:2] - rim).all(axis=1)
-    within &= (boxes[:, 1, 1:] < panel.rect[2:] + rim).all(axis=1)
+    within = (boxes[:, 0, 1:] > panel.rect[:2] - 2.0 * parts.near).all(axis=1)
+    within &= (boxes[:, 1, 1:] < panel.rect[2:] + 2.0 * parts.near).all(axis=1)
     within &= np.ptp(boxes[..., 0], axis=1) < LEAF * panel.size.min()
     return parts.faces_of(parts.shells, shells[within])
 
