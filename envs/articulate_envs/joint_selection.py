@@ -150,6 +150,8 @@ def _try_other_grasps(config: JointSelectionConfig, asset: Asset, best: _Best) -
             return
         for scene in grasps(config, asset, best.scene):
             best.rate(scene)
+            if best.success >= SURE_SUCCESS:
+                return
 
 
 def _turned(config: JointSelectionConfig, asset: Asset, scene: Scene) -> Iterator[Scene]:
