@@ -82,11 +82,6 @@ class Front:
     """Trays behind the panel that are not attached to it."""
 
 
-def find_fronts(parts: Segmentation) -> tuple[list[Front], bool]:
-    """Return the fronts that move, and whether handles or trays show that they do."""
-    return _moving(parts, all_fronts(parts))
-
-
 def all_fronts(parts: Segmentation) -> list[Front]:
     """Return the front panels with the trays behind them, whether they move or not."""
     levels = (parts.shells, parts.coloured, parts.facets)
@@ -228,8 +223,11 @@ def _inner_drawers(front: Front) -> list[PartProposal]:
     ]
 
 
-def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], bool]:
-    """Return the fronts that move: with a handle or tray, or like one that has."""
+def moving_fronts(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], bool]:
+    """Return the fronts that move, and whether handles or trays show that they do.
+
+    They have a handle or tray, or are like one that has.
+    """
     size = parts.mesh.size
     scale = float(np.hypot(size[1], size[2]))
 

@@ -10,12 +10,13 @@ import numpy as np
 from articulate.reconstruct.scan.discs import knobs, round_door, wheels
 from articulate.reconstruct.scan.door_handles import turning_handles
 from articulate.reconstruct.scan.faucets import faucet_parts
-from articulate.reconstruct.scan.fronts import find_fronts, front_parts
+from articulate.reconstruct.scan.fronts import all_fronts, front_parts, moving_fronts
 from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.slabs import slab_parts
+from articulate.reconstruct.scan.sliding import with_sliding
 from articulate.reconstruct.scan.vessels import vessel_parts
 
 TALL = 1.2
@@ -95,7 +96,8 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     ajar = ajar_door(parts)
     if ajar:
         return FoundParts(parts=tuple(with_details(parts, ajar)))
-    fronts, sure = find_fronts(parts)
+    every_front = all_fronts(parts)
+    fronts, sure = moving_fronts(parts, every_front)
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         beside = [front for front in fronts if len(front.tray)]
@@ -110,7 +112,7 @@ def _by_rules(parts: Segmentation) -> FoundParts:
             tall = parts.mesh.size[2] > TALL * parts.mesh.size[:2].max()
             category = "TrashCan" if tall else "Box"
             return FoundParts(parts=tuple(with_details(parts, lid)), category=category)
-    found = front_parts(parts, fronts)
+    found = with_sliding(parts, front_parts(parts, fronts), every_front)
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
     return FoundParts(parts=tuple(with_details(parts, found)))

@@ -143,6 +143,25 @@ def test_the_side_with_handles_is_the_front_of_open_furniture(quarter, tmp_path)
     assert all(len(part.handles) == 1 for part in found)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_equal_panel_beside_a_door_in_another_plane_makes_it_slide(side):
+    def board(x, y0, y1):
+        low, high = sorted((side * y0, side * y1))
+        return box((x, low, 0.02), (x + 0.02, high, 0.88))
+
+    handle = box((0.52, side * 0.3 - 0.01, 0.4), (0.54, side * 0.3 + 0.01, 0.55))
+    level = (carcass(), [[board(0.5, 0.0, 0.38), handle], [board(0.5, -0.38, 0.0)]])
+    _, found, _ = found_in(level)
+    assert {part.joint for part in found.parts} == {"revolute"}
+    stepped = (carcass(), [[board(0.5, -0.02, 0.38), handle], [board(0.46, -0.38, 0.02)]])
+    _, found, overlaps = found_in(stepped)
+    door = next(part for part in found.parts if part.handles)
+    assert door.joint == "prismatic"
+    np.testing.assert_allclose(door.axis, [0.0, -side, 0.0])
+    assert door.upper == pytest.approx(0.8 * 0.4, abs=0.03)
+    assert overlaps[0] > 0.9
+
+
 def test_faces_of_a_chamfered_door_belong_to_it():
     fixed, [[board], _] = room_door()
     board.vertices[board.vertices[:, 0] > 0.05, 1:] -= 0.03 * np.sign(
