@@ -8,7 +8,9 @@ from numpy.testing import assert_allclose
 
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization_config import RandomizationConfig
+from articulate_envs.feasibility import Feasibility
 from articulate_envs.joint_selection import DEEPER_M, MAX_RATED, TILTS_RAD, choose_scene
+from articulate_train import feasibility_check
 from articulate_train.config import TrainConfig
 
 ONE_SIZE = dataclasses.replace(RandomizationConfig(), scales=1, scale=(1.0, 1.0))
@@ -76,3 +78,22 @@ def test_a_grasp_of_a_placement_that_the_user_gives_is_only_made_deeper(cabinet)
     _, rated = chosen(cabinet, lambda _: 0.5, placement=at)
     assert {placement.deeper_m for placement in rated} == {0.0, *DEEPER_M}
     assert {placement.pos_w for placement in rated} == {rated[0].pos_w}
+
+
+def test_a_line_is_printed_before_each_estimate_but_the_first(cabinet, monkeypatch):
+    rates = iter([0.25, 0.5, *[0.4] * 10])
+    monkeypatch.setattr(
+        feasibility_check,
+        "feasibility_of",
+        lambda *_: Feasibility(success=next(rates), n_episodes=64, dominant_failure="speed"),
+    )
+    config = TrainConfig(
+        asset=str(cabinet.folder),
+        joint="drawer_1_slide",
+        randomization=ONE_SIZE,
+        target_open=0.8,
+    )
+    lines = []
+    feasibility_check.best_scene(config, cabinet, lines.append)
+    assert "joint drawer_1_slide: the scripted expert succeeds in 25% of" in lines[0]
+    assert all("succeeds in 50% of" in line for line in lines[1:])

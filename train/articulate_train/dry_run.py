@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -112,13 +113,19 @@ class DryRun:
         ]
 
 
-def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
+def dry_run(
+    config: TrainConfig,
+    cache: Path,
+    file: Path,
+    show_progress: Callable[[str], None] = lambda _: None,
+) -> DryRun:
     """Prepare a training under ``config``, measure its speed and estimate its time.
 
     Args:
         config: Configuration of the training.
         cache: Cache folder.
         file: Image to write (PNG).
+        show_progress: Called with one line while grasps are tried.
 
     Raises:
         RunError: ``file`` exists.
@@ -129,7 +136,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
     engine = describe_engine(config.engine)
     with cache_in_use(cache):
         asset = prepare_asset(config, cache)
-        scene = best_scene(config, asset)
+        scene = best_scene(config, asset, show_progress)
         task, placement = scene.task, scene.placement
         overlap_m = check_grasp(scene)
         feasibility = feasibility_of(scene, config)

@@ -16,16 +16,36 @@ WARN_BELOW, STOP_BELOW = 0.8, 0.2
 """Success rates of the expert below which training is doubtful and is not started."""
 
 
-def best_scene(config: TrainConfig, asset: Asset) -> Scene:
+def best_scene(
+    config: TrainConfig, asset: Asset, show_progress: Callable[[str], None] = lambda _: None
+) -> Scene:
     """Return the scene of ``config`` in which the scripted expert succeeds.
 
-    Joints and handles are tried in the order of :func:`choose_scene`.
+    Joints, handles and grasps are tried in the order of :func:`choose_scene`.
+
+    Args:
+        config: Configuration of the training.
+        asset: Object.
+        show_progress: Called with one line before each estimate after the first.
 
     Raises:
         AssetError: The joint does not exist, or none matches the task.
         ReachError: None is reachable.
     """
-    return choose_scene(config, asset, lambda scene: feasibility_of(scene, config).success)
+    best = -1.0
+
+    def rate(scene: Scene) -> float:
+        nonlocal best
+        if best >= 0.0:
+            show_progress(
+                f"{asset.name}, joint {scene.task.joint}: the scripted expert succeeds in "
+                f"{best:.0%} of its episodes; trying another grasp"
+            )
+        success = feasibility_of(scene, config).success
+        best = max(best, success)
+        return success
+
+    return choose_scene(config, asset, rate)
 
 
 _estimates: dict[Hashable, Feasibility] = {}

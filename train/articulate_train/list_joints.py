@@ -77,7 +77,8 @@ def joint_rows(
         found, note = None, ""
         if tasks and handle is not None:
             show_progress(f"{joint.name}: running the scripted expert on sampled episodes")
-            found, note = _feasibility(asset, replace(config, joint=joint.name, task=tasks[0]))
+            each = replace(config, joint=joint.name, task=tasks[0])
+            found, note = _feasibility(asset, each, show_progress)
         rows.append(
             JointRow(
                 name=joint.name,
@@ -96,10 +97,12 @@ def joint_rows(
     return rows
 
 
-def _feasibility(asset: Asset, config: TrainConfig) -> tuple[Feasibility | None, str]:
+def _feasibility(
+    asset: Asset, config: TrainConfig, show_progress: Callable[[str], None]
+) -> tuple[Feasibility | None, str]:
     """Estimate the feasibility of a joint, or return the reason why that is not possible."""
     try:
-        scene = best_scene(config, asset)
+        scene = best_scene(config, asset, show_progress)
         return feasibility_of(scene, config), ""
     except UsageError as error:
         return None, f"not trainable: {error}"

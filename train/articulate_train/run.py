@@ -174,7 +174,7 @@ def _place_object(
     show_progress(f"{config.asset}: converting and checking, or reading from the cache")
     asset = prepare_asset(config, cache)
     show_progress(f"{asset.name}: searching a reachable object placement")
-    scene = best_scene(config, asset)
+    scene = best_scene(config, asset, show_progress)
     return asset, scene.task, scene.placement
 
 

@@ -147,7 +147,7 @@ def _dry_run(flags: TrainFlags) -> int:
     from articulate_train.dry_run import dry_run  # heavy, see main
 
     out = flags.out or Path("runs") / _default_name(flags)
-    found = dry_run(flags.config(), cache_folder(), Path(f"{out}.png"))
+    found = dry_run(flags.config(), cache_folder(), Path(f"{out}.png"), console.show_waiting)
     console.emit_json(found.as_dict()) if flags.json else console.emit(found.text())
     return 0
 
