@@ -93,7 +93,7 @@ def test_a_line_is_printed_before_each_estimate_but_the_first(cabinet, monkeypat
         randomization=ONE_SIZE,
         target_open=0.8,
     )
-    lines = []
+    lines: list[str] = []
     feasibility_check.best_scene(config, cabinet, lines.append)
     assert "joint drawer_1_slide: the scripted expert succeeds in 25% of" in lines[0]
     assert all("succeeds in 50% of" in line for line in lines[1:])
