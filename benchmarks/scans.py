@@ -44,7 +44,7 @@ from articulate.reconstruct.result import MakeRequest
 from articulate.reconstruct.scan.make_scan import find_parts, make_scan, scan_parts, sized_by_masks
 from articulate.reconstruct.scan.masks import read_masks, skin
 from articulate.reconstruct.scan.part_proposal import PartProposal
-from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
+from articulate.reconstruct.scan.read_scan import TURNS, Scan, ScanHints, read_scan, turned
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.reconstruct.scan.scan_parts import names_of
 from articulate.reconstruct.scan.view_parts import add_view
@@ -165,11 +165,9 @@ def score(
     }
 
 
-def _turned(mesh: ScanMesh, key: str) -> ScanMesh:
+def _by_hash(mesh: ScanMesh, key: str) -> ScanMesh:
     """Turn a mesh about the vertical by a multiple of 90 degrees that depends on ``key``."""
-    quarter = int(hashlib.sha256(key.encode()).hexdigest(), 16) % 4
-    c, s = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
-    return replace(mesh, vertices=mesh.vertices @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
+    return turned(mesh, TURNS[int(hashlib.sha256(key.encode()).hexdigest(), 16) % len(TURNS)])
 
 
 def _similarity(source: Array, target: Array) -> tuple[float, Array, Array]:
@@ -247,7 +245,7 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
         shell = fused_shell(merged.mesh)
         merged = Merged(mesh=shell, part=nearest_part(shell, merged.mesh, merged.part))
     path = folder / "scan.glb"  # a name may imply the category
-    placed = _turned(merged.mesh, truth.object_id) if args.turned else merged.mesh
+    placed = _by_hash(merged.mesh, truth.object_id) if args.turned else merged.mesh
     write(placed, path)
     hints = ScanHints(text=truth.category if args.text else "")
     if args.masks:

@@ -31,9 +31,9 @@ GOOD_SUCCESS = 0.8
 """Success rate of the scripted expert from which no other joint, handle or target is tried."""
 SURE_SUCCESS = 0.9
 """Success rate of the scripted expert from which no other grasp of the handle is tried."""
-TILTS_RAD = (-0.3, 0.3)
+FURTHER_TILTS_RAD = (-0.3, 0.3)
 """Further tilts of the grasp that are tried [rad]."""
-DEEPER_M = (0.004, 0.008)
+FURTHER_DEPTHS_M = (0.004, 0.008)
 """Further depths of the grasp that are tried [m]."""
 FAIR_SUCCESS = 0.5
 """Success rate of the scripted expert from which no smaller target is tried."""
@@ -160,7 +160,10 @@ def _turned(config: JointSelectionConfig, asset: Asset, scene: Scene) -> Iterato
     if config.placement is not None:
         return
     held = asset if now.handle is None else asset.with_handle(now.handle)
-    grasps = [(not now.flip, now.tilt_rad), *((now.flip, now.tilt_rad + t) for t in TILTS_RAD)]
+    grasps = [
+        (not now.flip, now.tilt_rad),
+        *((now.flip, now.tilt_rad + t) for t in FURTHER_TILTS_RAD),
+    ]
     for flip, tilt_rad in grasps:
         try:
             found = find_placement(
@@ -176,7 +179,7 @@ def _deeper(config: JointSelectionConfig, asset: Asset, scene: Scene) -> Iterato
     handle = scene.asset.handle_of(scene.task.joint)
     if handle is None or handle.shut:
         return
-    for deeper_m in DEEPER_M:
+    for deeper_m in FURTHER_DEPTHS_M:
         placement = replace(scene.placement, deeper_m=deeper_m)
         yield _build(config, asset, scene.task, placement, config.randomization.scale_values)
 

@@ -39,7 +39,7 @@ def best_scene(
         if best >= 0.0:
             show_progress(
                 f"{asset.name}, joint {scene.task.joint}: the scripted expert succeeds in "
-                f"{best:.0%} of its episodes; trying another grasp"
+                f"{best:.0%} of the episodes; trying another grasp"
             )
         success = feasibility_of(scene, config).success
         best = max(best, success)

@@ -37,20 +37,21 @@ def turning_handles(parts: Segmentation, found: Sequence[PartProposal]) -> list[
     if len(doors) != 1 or found[doors[0]].kind != "door":
         return []
     door = found[doors[0]]
-    assert door.panel is not None
-    sides = door.panel[2:] - door.panel[:2]
+    panel = door.panel
+    assert panel is not None
+    sides = panel[2:] - panel[:2]
     if float(sides.prod()) < MAIN * float(parts.mesh.size[1:].prod()):
         return []
     turning = []
     for handle in door.handles:
         wide, high = (float(side) for side in handle.size)
-        room = _is_room_door(parts, door.panel, handle)
+        room = _is_room_door(parts, panel, handle)
         share = max(wide, high) / float(sides.min())
         wheel = max(wide, high) < SQUARE * min(wide, high) and WHEEL[0] < share < WHEEL[1]
         if not wheel and (not room or high > LONG * wide):
             continue
         lever = room and wide > LONG * high
-        proposal = _turning(parts, door, handle, lever=lever)
+        proposal = _turning(parts, door.front, panel, handle, lever=lever)
         if proposal is not None:
             turning.append(replace(proposal, on=doors[0]))
     return turning
@@ -65,16 +66,16 @@ def _is_room_door(parts: Segmentation, panel: Array, handle: Handle) -> bool:
 
 
 def _turning(
-    parts: Segmentation, door: PartProposal, handle: Handle, *, lever: bool
+    parts: Segmentation, front: float, panel: Array, handle: Handle, *, lever: bool
 ) -> PartProposal | None:
     """Return the shells of a handle as a part that turns; None if there are none."""
-    low = np.array([door.front - handle.height, *handle.rect[:2]])
-    high = np.array([door.front + handle.height, *handle.rect[2:]])
+    low = np.array([front - handle.height, *handle.rect[:2]])
+    high = np.array([front + handle.height, *handle.rect[2:]])
     faces = parts.faces_of(parts.shells, parts.inside(parts.shells, low, high))
     if not len(faces):
         return None
     y, z = handle.centre
-    inward = -float(np.sign(y - 0.5 * (door.panel[0] + door.panel[2])))  # type: ignore[index]
+    inward = -float(np.sign(y - 0.5 * (panel[0] + panel[2])))
     if lever:  # it turns about its end at the edge of the door
         y -= inward * 0.5 * (handle.size[0] - handle.size[1])
     return PartProposal(
@@ -82,7 +83,7 @@ def _turning(
         faces=faces,
         joint="revolute" if lever else "continuous",
         axis=np.array([-inward if lever else 1.0, 0.0, 0.0]),
-        pivot=np.array([door.front, y, z]),
+        pivot=np.array([front, y, z]),
         upper=LEVER_RAD if lever else 0.0,
         confidence=0.5,
         evidence=("a lever of a door" if lever else "a handle that turns on a door",),

@@ -101,7 +101,7 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         beside = [front for front in fronts if len(front.tray)]
-        found = [*porthole, *_clear_of(front_parts(parts, beside), porthole[0])]
+        found = [*porthole, *_clear_of(front_parts(parts, beside), porthole)]
         return FoundParts(parts=tuple(with_details(parts, found)))
     if not sure and len(fronts) < 2:
         flaps = open_flaps(parts)
@@ -118,9 +118,9 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     return FoundParts(parts=tuple(with_details(parts, found)))
 
 
-def _clear_of(found: Sequence[PartProposal], other: PartProposal) -> list[PartProposal]:
-    """Return the proposals without faces of ``other``."""
-    return [p for p in found if not np.isin(other.faces, p.faces).any()]
+def _clear_of(found: Sequence[PartProposal], others: Sequence[PartProposal]) -> list[PartProposal]:
+    """Return the proposals that share no face with ``others``."""
+    return [p for p in found if not any(np.isin(p.faces, other.faces).any() for other in others)]
 
 
 def rated(found: Sequence[PartProposal], counts: Mapping[str, int]) -> list[PartProposal]:
@@ -154,11 +154,7 @@ def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartPro
     for proposal in found:
         covered[proposal.faces] = True
     turning = turning_handles(parts, found)
-    claimed = np.zeros(len(covered), dtype=bool)
-    for proposal in turning:
-        claimed[proposal.faces] = True
-    round_ones = [knob for knob in knobs(parts, covered, found) if not claimed[knob.faces].any()]
-    details = [*turning, *round_ones, *wheels(parts)]
+    details = [*turning, *_clear_of(knobs(parts, covered, found), turning), *wheels(parts)]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
     left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
     return [p for p in [*left, *details] if len(p.faces)]
