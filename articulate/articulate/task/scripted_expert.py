@@ -60,8 +60,9 @@ LOST_M = 0.03
 """A gripper with a close command that is farther away than this opens again [m]."""
 SLOW = 0.6
 """Largest motion near the handle, as a share of the largest."""
-HELD_M = 0.012
-"""Excess of the finger opening over the handle's thickness up to which it counts as held [m]."""
+HELD_M, LARGEST = 0.012, 1.15
+"""Excess of the finger opening over the handle's thickness up to which it counts as held [m], and
+size of the largest object: the expert knows the thickness at nominal size."""
 BESIDE_M = 0.02
 """Distance of the handle's side from the middle of the gripper up to which it may be between the
 fingers [m]."""
@@ -214,7 +215,7 @@ def write_expert_action(
     commanded, width = inputs.gripper.command[i] > 0.0, inputs.gripper_width[i]
     between, empty = _between(T_ht, width, params)
     held = commanded and between and not empty
-    held = held and width <= min(params.thick_m + HELD_M, WIDEST_M - MOVED_M)
+    held = held and width <= _widest_held(params)
     if params.shut:
         held, empty = _behind(T_ht) if params.hooks else _touching(T_ht), False
     at_rest = abs(width - inputs.last_gripper_width[i]) < REST_M and width < WIDEST_M - MOVED_M
@@ -236,11 +237,17 @@ def write_expert_action(
 
 
 @row_function
+def _widest_held(params: ExpertParams) -> float:
+    """Return the finger opening up to which the handle counts as held [m]."""
+    return float(min(LARGEST * params.thick_m + HELD_M, WIDEST_M - MOVED_M))
+
+
+@row_function
 def _depth(release_width: float, params: ExpertParams) -> float:
     """Return the depth of a grasp beyond the middle of the handle [m], after the last one."""
     if release_width < HELD_SHARE * params.thick_m:
         return params.deep_m + DEEPER_M
-    if params.thick_m + HELD_M < release_width < WIDEST_M - MOVED_M:
+    if _widest_held(params) < release_width < WIDEST_M - MOVED_M:
         return params.deep_m - SHALLOWER_M
     return params.deep_m
 

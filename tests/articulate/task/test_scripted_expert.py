@@ -128,6 +128,14 @@ def test_fingers_open_that_something_else_than_the_handle_has_stopped():
     assert act(DRAWER._replace(thick_m=0.035), **blocked)[7] == 1.0
 
 
+@pytest.mark.parametrize("size", [0.9, 1.0, 1.1])
+def test_a_thick_handle_of_another_size_counts_as_held(size):
+    """Where fingers hold it, they may be some millimetres farther apart than its thickness."""
+    thick = DRAWER._replace(thick_m=0.045)
+    held = act(thick, command=1.0, width_m=size * 0.045 + 0.009)
+    assert_allclose(held, [0, 0, -1, 0, 0, 0, 0, 1], atol=1e-12)
+
+
 def test_a_gripper_that_presses_on_the_object_backs_off():
     assert_allclose(act(DRAWER, press_n=PRESS_N - 1.0)[2], 0.0, atol=1e-12)
     back = act(DRAWER, press_n=PRESS_N + 1.0, command=1.0)
