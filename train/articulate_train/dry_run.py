@@ -125,7 +125,7 @@ def dry_run(
         config: Configuration of the training.
         cache: Cache folder.
         file: Image to write (PNG).
-        show_progress: Called with one line while grasps are tried.
+        show_progress: Called with one line before each further grasp, handle, target or joint.
 
     Raises:
         RunError: ``file`` exists.

@@ -38,8 +38,8 @@ def best_scene(
         nonlocal best
         if best >= 0.0:
             show_progress(
-                f"{asset.name}, joint {scene.task.joint}: the scripted expert succeeds in "
-                f"{best:.0%} of the episodes; trying another grasp"
+                f"{asset.name}: best success of the scripted expert so far {best:.0%}; "
+                f"trying another grasp, handle or target of joint {scene.task.joint}"
             )
         success = feasibility_of(scene, config).success
         best = max(best, success)

@@ -60,9 +60,10 @@ LOST_M = 0.03
 """A gripper with a close command that is farther away than this opens again [m]."""
 SLOW = 0.6
 """Largest motion near the handle, as a share of the largest."""
-HELD_M, LARGEST = 0.012, 1.15
-"""Excess of the finger opening over the handle's thickness up to which it counts as held [m], and
-size of the largest object: the expert knows the thickness at nominal size."""
+HELD_M = 0.012
+"""Excess of the finger opening over the handle's thickness up to which it counts as held [m]."""
+LARGEST_SIZE = 1.15
+"""Size of the largest object, relative to the nominal one whose handle's thickness is known."""
 BESIDE_M = 0.02
 """Distance of the handle's side from the middle of the gripper up to which it may be between the
 fingers [m]."""
@@ -239,7 +240,7 @@ def write_expert_action(
 @row_function
 def _widest_held(params: ExpertParams) -> float:
     """Return the finger opening up to which the handle counts as held [m]."""
-    return float(min(LARGEST * params.thick_m + HELD_M, WIDEST_M - MOVED_M))
+    return float(min(LARGEST_SIZE * params.thick_m + HELD_M, WIDEST_M - MOVED_M))
 
 
 @row_function

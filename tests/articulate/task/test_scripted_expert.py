@@ -130,7 +130,7 @@ def test_fingers_open_that_something_else_than_the_handle_has_stopped():
 
 @pytest.mark.parametrize("size", [0.9, 1.0, 1.1])
 def test_a_thick_handle_of_another_size_counts_as_held(size):
-    """Where fingers hold it, they may be some millimetres farther apart than its thickness."""
+    """Fingers that hold it may be some millimetres farther apart than its thickness."""
     thick = DRAWER._replace(thick_m=0.045)
     held = act(thick, command=1.0, width_m=size * 0.045 + 0.009)
     assert_allclose(held, [0, 0, -1, 0, 0, 0, 0, 1], atol=1e-12)
