@@ -184,7 +184,7 @@ def _check_object(description: Description) -> None:
                 )
     nouns = [re.sub(r"\(\?:([^|)]*)[^)]*\)\??|.\?", r"\1", n) for c in CLASSES for n in c.nouns]
     if unknown:
-        close = [difflib.get_close_matches(word, nouns, n=1, cutoff=0.75) for word in unknown]
+        close = [difflib.get_close_matches(word, nouns, n=1, cutoff=0.8) for word in unknown]
         hint = next((f"; did you mean {found[0]}?" for found in close if found), "")
         names = ", ".join(dict.fromkeys(unknown))
         raise ConfigError(

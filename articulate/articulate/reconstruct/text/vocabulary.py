@@ -118,6 +118,12 @@ CLASSES: tuple[ObjectClass, ...] = (
         {"door": 1},
         "none",
     ),
+    _furniture(
+        "mail ?box|letter ?box|post ?box|parcel box|key (?:cabinet|box)",
+        (0.3, 0.2, 0.4),
+        {"door": 1},
+        "none",
+    ),
     _object(
         "table_with_drawers",
         "Table",
@@ -168,7 +174,8 @@ CLASSES: tuple[ObjectClass, ...] = (
         "trash_can",
         "TrashCan",
         "trash can|trash ?bin|dust ?bin|waste ?bin|waste ?basket|waste paper basket|garbage "
-        "(?:can|bin)|rubbish bin|litter bin|pedal bin|bin|step can|refuse bin|kitchen bin|ash ?can",
+        "(?:can|bin)|rubbish bin|litter bin|pedal bin|bin|step can|refuse bin|kitchen bin|ash ?can|"
+        "(?:laundry )?hamper|laundry (?:bin|basket)",
     ),
     _object("bucket", "Bucket", "bucket|pail"),
     _object(
@@ -200,7 +207,10 @@ CLASSES: tuple[ObjectClass, ...] = (
         "box_with_lid",
         "Box",
         "box|storage (?:box|chest|trunk)|trunk|lidded box|treasure chest|blanket (?:box|chest)|"
-        "toy (?:box|chest)|jewel(?:le)?ry box|hinged box|wooden box|crate|coffer|casket",
+        "toy (?:box|chest)|jewel(?:le)?ry box|hinged box|wooden box|crate|coffer|casket|"
+        "chest freezer|deep freezer|freezer chest|cooler(?: box)?|cool box|ice chest|"
+        "bread (?:box|bin)|tool ?box|lunch ?box|cash box|shoe box|sewing box|deck box|music box|humidor|"
+        "(?:hope|cedar|linen) chest|(?:storage )?ottoman",
     ),
 )
 """Objects, general nouns included; longer nouns take precedence."""
@@ -454,7 +464,7 @@ NO_EFFECT = word_set(
     computer book books clothes shoes shoe tools cutlery detergent powder baking tray pizza
     storage combination flush front-loading side-hung hinged interior inner outer internal
     external decorative countertop veneer veneered laminate frost
-    soft close self closing lockable mirrored
+    soft close self closing lockable lock locks keyhole mirrored mirror mirrors rolling
     """
 )
 """Words that are understood and do not change the object."""

@@ -187,6 +187,22 @@ def test_thickness_of_a_flat_object_is_a_size_of_the_object(text, sizes_m):
     assert not propose(text).doubts
 
 
+@pytest.mark.parametrize(
+    ("text", "category", "unknown"),
+    [
+        ("a chest freezer, 1 m wide", "box_with_lid", []),
+        ("a bread box with a lid", "box_with_lid", []),
+        ("laundry hamper with a lid, 60 cm high", "trash_can", []),
+        ("mailbox with a front door that opens downward", "furniture", []),
+        ("a rolling tool chest with 5 drawers and a lock", "furniture", []),
+        ("medicine cabinet with a mirror door", "furniture", []),
+    ],
+)
+def test_household_nouns_are_understood(text, category, unknown):
+    found = parse(text)
+    assert (found.category, found.unknown) == (category, unknown)
+
+
 def test_words_that_are_not_understood_make_the_object_doubtful():
     proposal = propose("a cabinet with two drawers and a wine rack")
     assert proposal.doubts == ("not understood: wine, rack",)
