@@ -3,9 +3,10 @@
     python benchmarks/generalist_fine_tuning.py --scenes generality/scenes.jsonl --out rows.jsonl
 
 Each joint of the list (``benchmarks/generality.py`` or ``benchmarks/generalist.py prepare``) that
-``train`` accepts is trained with one seed and one ensemble member until 98 % of 250 held-out
-episodes succeed, for ``--steps`` control steps at most. The best policy of these evaluations is
-evaluated on new episodes. The table is resumable: what ``--out`` holds is not repeated.
+``train`` accepts is trained with one seed and one ensemble member until ``--target-success`` of 250
+held-out episodes succeed, for ``--steps`` control steps at most. The policies that are near the
+best in these evaluations are compared on common episodes, and the best is evaluated on new ones.
+The table is resumable: what ``--out`` holds is not repeated.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy
@@ -27,16 +28,20 @@ import numpy as np
 import torch
 
 from articulate.task.episode_monitor import REASONS
+from articulate.transforms import Ints
 from articulate_train.config import TrainConfig
 from articulate_train.evaluate import run_episodes
 from articulate_train.feasibility_check import STOP_BELOW
 from articulate_train.generalist import generalist_metadata
 from articulate_train.policy import policy_of
-from articulate_train.ppo import EVALUATION, Learner
+from articulate_train.ppo import EVALUATION, SELECTION, Learner
 from articulate_train.target_evaluation import TargetEvaluation, evaluate_target
 from generalist_scenes import SceneRecord, read_records, scene_of
 
-TARGET_SUCCESS = 0.98
+NEAR_BEST = 0.04
+"""Difference to the best success rate up to which a policy is compared on common episodes."""
+FINALISTS, FINAL_EPISODES = 4, 300
+"""Most policies that are compared, and the number of these episodes."""
 
 
 def fine_tune(record: SceneRecord, args: argparse.Namespace) -> dict[str, Any]:
@@ -46,7 +51,7 @@ def fine_tune(record: SceneRecord, args: argparse.Namespace) -> dict[str, Any]:
         task=record.task,
         joint=record.joint,
         steps=args.steps,
-        target_success=TARGET_SUCCESS,
+        target_success=args.target_success,
         ensemble_size=1,
         initial_policy=args.start,
     )
@@ -72,31 +77,44 @@ def fine_tune(record: SceneRecord, args: argparse.Namespace) -> dict[str, Any]:
     if evaluate():
         learner.run(on_update)
     learner.close()
-    best, state = max(found, key=lambda pair: (pair[0].successes / pair[0].episodes, pair[0].steps))
-    ended, _ = run_episodes(
-        scene,
-        policy_of(state),
-        config.randomization,
-        np.random.SeedSequence([config.evaluation_seed, args.seed, EVALUATION]),
-        episodes=args.episodes,
-        threads=1,
-    )
-    failures = ended.code[ended.code != 0]
+
+    def codes(state: dict[str, Any], episodes: int, stream: int) -> Ints:
+        """Return the outcome of each episode."""
+        random = np.random.SeedSequence([config.evaluation_seed, args.seed, stream])
+        ended, _ = run_episodes(
+            scene, policy_of(state), config.randomization, random, episodes=episodes, threads=1
+        )
+        return ended.code
+
+    least = max(_rate(result) for result, _ in found) - NEAR_BEST
+    near = sorted((_rate(r), r.steps, k) for k, (r, _) in enumerate(found) if _rate(r) >= least)
+    final = [
+        (float(np.mean(codes(found[k][1], FINAL_EPISODES, SELECTION) == 0)), steps, k)
+        for _, steps, k in near[-FINALISTS:]
+    ]
+    best, state = found[max(final)[2]]
+    outcome = codes(state, args.episodes, EVALUATION)
+    failures = outcome[outcome != 0]
     return {
         "object": record.object,
         "task": record.task,
         "joint": record.joint,
         "start": args.start,
         "seed": args.seed,
+        "target_success": args.target_success,
         "steps": learner.model.num_timesteps,
         "selected_step": best.steps,
         "evaluations": [[r.steps, r.successes, r.episodes] for r, _ in found],
         "episodes": args.episodes,
-        "success": float(np.mean(ended.code == 0)),
+        "success": float(np.mean(outcome == 0)),
         "failure": REASONS[int(np.bincount(failures).argmax())] if len(failures) else "",
         "expert": record.expert,
         "policy": generalist_metadata(record.task)["sha256"][:12],
     }
+
+
+def _rate(result: TargetEvaluation) -> float:
+    return result.successes / result.episodes
 
 
 def main(argv: Sequence[str]) -> int:
@@ -112,21 +130,23 @@ def main(argv: Sequence[str]) -> int:
         default=STOP_BELOW,
         help="least success rate of the expert; by default that of train",
     )
+    parser.add_argument("--target-success", type=float, default=0.98, help="ends the training")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--out", type=Path, required=True, help="rows, one per line")
     args = parser.parse_args(argv)
     torch.set_num_threads(1)
     lines = args.out.read_text(encoding="utf-8").splitlines() if args.out.exists() else []
-    keys = ("object", "task", "joint", "start", "seed", "policy")
-    done = {tuple(json.loads(line)[key] for key in keys) for line in lines}
+    keys = ("object", "task", "joint", "start", "seed", "target_success", "policy")
+    done = {tuple(json.loads(line).get(key) for key in keys) for line in lines}
     for record in read_records(args.scenes):
         if record.placement is None or record.expert < args.min_expert:
             continue
         if args.objects and record.object not in args.objects:
             continue
         policy = generalist_metadata(record.task)["sha256"][:12]
-        key = (record.object, record.task, record.joint, args.start, args.seed, policy)
+        options = (args.start, args.seed, args.target_success)
+        key = (record.object, record.task, record.joint, *options, policy)
         if key in done:
             continue
         row = fine_tune(record, args)

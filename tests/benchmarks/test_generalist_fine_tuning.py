@@ -22,6 +22,7 @@ def test_what_the_table_holds_is_not_trained_again(tmp_path, monkeypatch):
         trained.append(record.object)
         policy = generalist_metadata("open_drawer")["sha256"][:12]
         row = {"object": record.object, "task": record.task, "joint": record.joint}
+        row["target_success"] = args.target_success
         return row | {"start": args.start, "seed": args.seed, "policy": policy}
 
     monkeypatch.setattr(generalist_fine_tuning, "fine_tune", fine_tune)
@@ -29,5 +30,6 @@ def test_what_the_table_holds_is_not_trained_again(tmp_path, monkeypatch):
     assert generalist_fine_tuning.main([*argv, "--objects", "first"]) == 0
     assert generalist_fine_tuning.main(argv) == 0
     assert generalist_fine_tuning.main([*argv, "--seed", "1"]) == 0
-    assert trained == ["first", "second", "first", "second"]
-    assert len(Path(out).read_text().splitlines()) == 4
+    assert generalist_fine_tuning.main([*argv, "--target-success", "0.99"]) == 0
+    assert trained == 3 * ["first", "second"]
+    assert len(Path(out).read_text().splitlines()) == 6

@@ -209,8 +209,8 @@ CLASSES: tuple[ObjectClass, ...] = (
         "box|storage (?:box|chest|trunk)|trunk|lidded box|treasure chest|blanket (?:box|chest)|"
         "toy (?:box|chest)|jewel(?:le)?ry box|hinged box|wooden box|crate|coffer|casket|"
         "chest freezer|deep freezer|freezer chest|cooler(?: box)?|cool box|ice chest|"
-        "bread (?:box|bin)|tool ?box|lunch ?box|cash box|shoe box|sewing box|deck box|music box|humidor|"
-        "(?:hope|cedar|linen) chest|(?:storage )?ottoman",
+        "bread (?:box|bin)|tool ?box|lunch ?box|cash box|shoe box|sewing box|deck box|music box|"
+        "humidor|(?:hope|cedar|linen) chest|(?:storage )?ottoman",
     ),
 )
 """Objects, general nouns included; longer nouns take precedence."""
