@@ -92,6 +92,8 @@ class Description:
     """Kind after ``only``."""
     sizes_m: dict[str, float] = field(default_factory=dict)
     """Length by dimension [m]."""
+    volume_m3: float | None = None
+    """Volume of the interior [m^3]."""
     seen: SeenSize | None = None
     """Size in the image or video that belongs to the text."""
     material: str = ""
@@ -111,6 +113,11 @@ class Description:
     """Words that were understood and have no effect, such as ``modern``."""
     assumptions: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
+
+    @property
+    def volume_text(self) -> str:
+        """Return the volume with its unit."""
+        return f"{1000.0 * (self.volume_m3 or 0.0):.3g} l"
 
     def count(self, kind: str) -> int | None:
         """Return the number of parts of a kind; None if the text gives none."""

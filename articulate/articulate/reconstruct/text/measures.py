@@ -1,4 +1,4 @@
-"""Numbers and lengths in a text, in any usual unit and notation."""
+"""Numbers, lengths and volumes in a text, in any usual unit and notation."""
 
 from __future__ import annotations
 
@@ -81,6 +81,8 @@ ABOUT = r"(?:(?:of|is|are|about|approximately|approx\.?|around|roughly|circa|ca\
 ABOUT += r"up|to|exactly|no|more|less|than|nearly|almost|some)\s+)*"
 SMALLEST_BARE = 10.0
 """Smaller numbers without a unit are counts."""
+LITRE_M3, GALLON_M3 = 0.001, 0.003785
+"""Volume of a litre and of a US gallon [m^3]."""
 PLACE = "@size"
 """Placeholder for a length in the text that is parsed further."""
 
@@ -126,7 +128,9 @@ def with_digits(text: str) -> str:
     text = re.sub(r"\b(\d) hundred\b", lambda m: f"{m[1]}00", text)
     text = re.sub(r"\b(\d)00 and (\d{1,2})\b", lambda m: str(100 * int(m[1]) + int(m[2])), text)
     text = re.sub(r"\b(\d+)\.? and (?:a|1) half\b", r"\1.5", text)
-    text = re.sub(rf"\b(?:a |1 )?half (?:of )?(?:a |an )?(?={UNIT})", "0.5 ", text)
+    text = re.sub(
+        rf"\b(?:a |1 )?half (?:of )?(?:a |an )?(?={UNIT}|lit(?:re|er)\b|gallon)", "0.5 ", text
+    )
     text = re.sub(rf"\b(?:a |1 )?quarter (?:of )?(?:a |an )(?={UNIT})", "0.25 ", text)
     text = re.sub(r"\b(?:a|1) ((?:met(?:er|re)|foot|yard)\b)(?= and (?:a|1) half)", r"1 \1", text)
     text = re.sub(r"\b(\d+) (met(?:er|re)s?|foot|feet) and (?:a|1) half\b", r"\1.5 \2", text)
@@ -139,6 +143,23 @@ def with_digits(text: str) -> str:
     text = re.sub(r"\bhalf (?:a )?dozen\b", "6", text)
     text = re.sub(r"\b(?:a )?dozen\b", "12", text)
     return re.sub(r"\b(?:a )?(?:couple|pair) (?:of )?", "2 ", text)
+
+
+def find_volume(text: str) -> tuple[str, float | None]:
+    """Return a text without its first volume, and the volume [m^3]; None without one.
+
+    A bare ``l`` is a length where the text has other dimensions by their letters.
+    """
+    letters = re.search(r"\d\s*[wdh]\b|\b[wdh]\s*\d", text)
+    units = "litres?|liters?|gallons?|gal" + ("" if letters else "|l")
+    match = re.search(
+        rf"(?<![\w@.])({NUMBER})\s*({units})\b(?:\s+(?:of )?(?:capacity|volume))?", text
+    )
+    if match is None:
+        return text, None
+    unit_m3 = GALLON_M3 if match[2].startswith("gal") else LITRE_M3
+    before = re.sub(r"\b(?:capacity|volume) (?:of )?$", "", text[: match.start()])
+    return f"{before} {text[match.end() :]}", float(match[1]) * unit_m3
 
 
 def find_measures(text: str) -> Measured:

@@ -19,7 +19,7 @@ from articulate.reconstruct.text.description import (
     with_article,
 )
 from articulate.reconstruct.text.idioms import Noun, replace_idioms, replace_nouns
-from articulate.reconstruct.text.measures import Measured, find_measures, with_digits
+from articulate.reconstruct.text.measures import Measured, find_measures, find_volume, with_digits
 from articulate.reconstruct.text.reader import (
     PLURALS,
     SEPARATORS,
@@ -103,7 +103,7 @@ def parse(text: str) -> Description:
     plain = with_digits(
         re.sub(r"\bone (?=(?:above|over|on top|below|under)\b)", "1 ", text.lower())
     )
-    plain = with_digits(normalise(plain))
+    plain, volume_m3 = find_volume(with_digits(normalise(plain)))
     measured = find_measures(plain)
     # A noun may contain words of an idiom ("fridge freezer below"); nouns come first.
     with_object, nouns = replace_nouns(measured.text)
@@ -111,7 +111,7 @@ def parse(text: str) -> Description:
         tokens=tokens_of(replace_idioms(with_object)),
         measured=measured,
         nouns=nouns,
-        out=Description(text=text),
+        out=Description(text=text, volume_m3=volume_m3),
     )
     return parser.run()
 

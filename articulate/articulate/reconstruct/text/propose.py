@@ -22,7 +22,13 @@ from articulate.reconstruct.text.furniture import (
     build_furniture,
     build_table,
 )
-from articulate.reconstruct.text.household import SYNONYMS, Household, build_household, kind_of
+from articulate.reconstruct.text.household import (
+    OUTER_VOLUME,
+    SYNONYMS,
+    Household,
+    build_household,
+    kind_of,
+)
 from articulate.reconstruct.text.parse import parse
 from articulate.reconstruct.text.reader import normalise
 from articulate.reconstruct.text.vocabulary import (
@@ -67,6 +73,9 @@ def propose(text: str, seen: SeenSize | None = None) -> ObjectProposal:
     description = parse(text)
     description.seen = seen
     _check_object(description)
+    if description.volume_m3 is not None and description.category not in OUTER_VOLUME:
+        noun = with_article(description.noun)
+        description.assumptions.append(f"volume of {description.volume_text}: no effect on {noun}")
     built: Built | Household
     if description.category == "furniture":
         built = build_furniture(description)

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 from tests.articulate.reconstruct.text.prompt_match import differences
 
@@ -37,6 +39,31 @@ def sizes(text):
 )
 def test_lengths_are_read_in_any_notation(text, expected):
     assert sizes(text) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "litres"),
+    [
+        ("a 50 litre pedal bin", 50.0),
+        ("a half-litre bottle", 0.5),
+        ("bucket with a capacity of 5 gallons", 18.925),
+        ("a kettle of 1.7l", 1.7),
+        ("sideboard 160 w x 40 l x 80 h", None),
+    ],
+)
+def test_volume_is_read_with_its_unit(text, litres):
+    volume_m3 = parse(text).volume_m3
+    assert volume_m3 == (None if litres is None else pytest.approx(litres / 1000.0))
+
+
+def test_usual_sizes_are_scaled_to_the_volume():
+    small, large = (propose(f"a {litres} litre bucket").assumptions[0] for litres in (6, 12))
+    numbers = [[float(x) for x in re.findall(r"(\d\.\d+) m", text)] for text in (small, large)]
+    assert numbers[1] == pytest.approx([x * 2 ** (1 / 3) for x in numbers[0]], rel=0.05)
+    assert (
+        "volume of 12 l: the text gives sizes"
+        in propose("a 12 litre bucket, 30 cm high").assumptions
+    )
 
 
 def groups(text):
