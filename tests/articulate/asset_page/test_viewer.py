@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -121,6 +122,15 @@ def test_the_camera_stands_where_the_object_opens_to(tmp_path):
     assert front_azimuth_deg(make_cupboard(tmp_path / "b")) == pytest.approx(0.0, abs=45.0)
     lid = Part(name="lid", kind="slide", axis=(0, 0, 1), boxes=BOX)
     assert front_azimuth_deg(make_object(tmp_path / "c", lid)) == 90.0
+
+
+def test_the_camera_stands_before_sliding_doors(tmp_path):
+    """They move along the front, to which their handles point."""
+    asset = make_cabinet(tmp_path / "a")
+    joints = tuple(replace(joint, axis_o=(0.0, 1.0, 0.0)) for joint in asset.joints)
+    sideways = replace(asset, joints=joints)
+    assert front_azimuth_deg(sideways) == pytest.approx(0.0, abs=1e-6)
+    assert front_azimuth_deg(replace(sideways, handles=())) == pytest.approx(-90.0)
 
 
 def test_no_name_ends_the_element_that_it_stands_in(tmp_path):

@@ -59,6 +59,45 @@ def test_free_edge_swings_towards_the_front(
     assert velocity == pytest.approx([-1.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("handle", ["bar", "knob", "none"])
+@pytest.mark.parametrize("width_m", [0.4, 1.0])
+def test_a_sliding_door_passes_its_neighbour_and_stops_before_the_handle(
+    handle: str, width_m: float
+) -> None:
+    sides = (("right", 0), ("left", 1))
+    panels = [
+        FrontPanel(
+            kind="door",
+            left=k / 2,
+            right=(k + 1) / 2,
+            bottom=0,
+            top=1,
+            slide=slide,  # type: ignore[arg-type]
+            layer=layer,
+            handle=handle,  # type: ignore[arg-type]
+        )
+        for k, (slide, layer) in enumerate(sides)
+    ]
+    doors = layout(*panels, width_m=width_m).parts()[1:]
+    for moved, other in (doors, doors[::-1]):
+        assert moved.motion is not None
+        assert other.motion is not None
+        assert moved.motion.upper > 0.25 * width_m
+        travel = moved.motion.upper * np.array(moved.motion.axis)
+        for a in corners_of(moved, travel):
+            for b in corners_of(other, np.zeros(3)):
+                apart = np.maximum(a[0] - b[1], b[0] - a[1])
+                assert apart.max() > 0.001
+
+
+def corners_of(part: Part, shift: np.ndarray) -> list[np.ndarray]:
+    """Return the lowest and highest corner of each solid of a part (2, 3)."""
+    assert part.motion is not None
+    at = np.array(part.motion.origin_p) + shift
+    meshes = [solid.mesh()[0] for one in part.shapes for solid in one.solids]
+    return [np.array([mesh.min(axis=0), mesh.max(axis=0)]) + at for mesh in meshes]
+
+
 @pytest.mark.parametrize("hinge", ["left", "right"])
 @pytest.mark.parametrize(("width_m", "board_m"), [(1.0, 0.018), (0.63, 0.05), (0.4, 0.06)])
 def test_a_thick_door_clears_the_closed_door_beside_it(

@@ -27,6 +27,7 @@ from articulate.library.procedural.build import (
     linked,
     shape,
     shrunk,
+    slide,
     swing,
 )
 from articulate.library.procedural.drawers import drawer
@@ -35,6 +36,7 @@ from articulate.library.procedural.urdf import Motion, Part, Shape
 PanelKind = Literal["drawer", "door", "flap", "panel", "open", "gap"]
 """``panel``: fixed front; ``open``: shelf without front; ``gap``: nothing, as under a desk."""
 HingeSide = Literal["", "left", "right", "top", "bottom"]
+SlideDirection = Literal["", "left", "right"]
 HandleKind = Literal["bar", "knob", "none"]
 MOVING = ("drawer", "door", "flap")
 GAP_M = 0.003
@@ -54,6 +56,8 @@ WALL_SHARE = 0.6
 """Thickness of a wall of a cell over that of the boards."""
 INSIDE_M = 0.03
 """Smallest width and height of the space behind a moving front [m]."""
+HANDLE_ROOM_M = 0.03
+"""Distance of a sliding door from the middle of the next one's handle [m]."""
 TOLERANCE = 1e-6
 
 
@@ -77,6 +81,10 @@ class FrontPanel:
     """Upper edge, 0 to 1 from below."""
     hinge: HingeSide = ""
     """Hinged edge: left or right of a door, top or bottom of a flap."""
+    slide: SlideDirection = ""
+    """Direction in which a sliding door opens, which has no hinge."""
+    layer: int = 0
+    """1: a sliding door before the plane of the other fronts, which passes before its neighbour."""
     handle: HandleKind = "bar"
     name: str = ""
     """Name of the link; by default ``<kind>_<number>``."""
@@ -91,7 +99,8 @@ class FrontPanel:
                 raise ConfigError(
                     f"front panel: {names} are {low:g} and {high:g}; 0 <= low < high <= 1 is needed"
                 )
-        accepted = {"door": ("left", "right"), "flap": ("top", "bottom")}.get(self.kind, ("",))
+        kind = "panel" if self.slide else self.kind
+        accepted = {"door": ("left", "right"), "flap": ("top", "bottom")}.get(kind, ("",))
         if self.hinge not in accepted:
             raise ConfigError(
                 f"front panel: a {self.kind} has its hinge at {' or '.join(accepted) or 'no edge'}"
@@ -220,7 +229,9 @@ class FrontLayout:
         return pieces
 
     def _top_and_base(self) -> dict[str, Piece]:
-        x, y = (-self.depth_m / 2, self.depth_m / 2), (-self.width_m / 2, self.width_m / 2)
+        layers = max((panel.layer for panel in self.panels), default=0)
+        x = (-self.depth_m / 2 - layers * (self.board_m + GAP_M), self.depth_m / 2)
+        y = (-self.width_m / 2, self.width_m / 2)
         pieces: dict[str, Piece] = {}
         if self.worktop_m > 0.0:
             pieces["worktop"] = (x, y, (self.front_z[1], self.height_m))
@@ -237,7 +248,8 @@ class FrontLayout:
             y_front = _free_to_swing(y_front, self.board_m, panel.hinge)
         elif panel.hinge:
             z_front = _free_to_swing(z_front, self.board_m, panel.hinge)
-        front = (self._front_x, y_front, z_front)
+        ahead = panel.layer * (self.board_m + GAP_M)
+        front = ((self._front_x[0] - ahead, self._front_x[1] - ahead), y_front, z_front)
         if panel.kind == "drawer":
             hole = (shrunk(y, self._wall_m), shrunk(z, self._wall_m))
             rear = self.depth_m / 2 - self._wall_m - REAR_M
@@ -250,7 +262,8 @@ class FrontLayout:
             density = min(density, MAX_FLAP_KG / volume_m3)
         shapes = [shape(f"{name}_front", self._front_finish, {"panel": front}, density)]
         shapes += self._handle(name, panel, front)
-        return Part(name=name, shapes=tuple(shapes), motion=self._hinge(name, panel, front))
+        motion = _sliding(name, panel, front) if panel.slide else self._hinge(name, panel, front)
+        return Part(name=name, shapes=tuple(shapes), motion=motion)
 
     def _hinge(self, name: str, panel: FrontPanel, front: Spans) -> Motion:
         x, y, z = front
@@ -265,14 +278,18 @@ class FrontLayout:
         return hinge("body", name, at, axis, INNER_OPEN_RAD, stiff=1.0 if low else 0.5)
 
     def _handle(self, name: str, panel: FrontPanel, front: Spans) -> list[Shape]:
-        """Return the handle at the free edge, opposite to the hinge."""
+        """Return the handle at the free edge, opposite to the hinge.
+
+        That of a sliding door is at the edge that its neighbour does not cover.
+        """
         if panel.handle == "none":
             return []
         x, y, z = front
-        upright = panel.hinge in {"left", "right"}
+        upright = panel.hinge in {"left", "right"} or panel.slide != ""
         across, along = (y, z) if upright else (z, y)
-        inset = min(0.045, 0.25 * (across[1] - across[0]))
-        at_low = panel.hinge in {"left", "top"}  # free edge at the low end of y or z
+        inset = _handle_inset(across)
+        # free edge, or rear edge of a sliding door, at the low end of y or z
+        at_low = panel.hinge in {"left", "top"} or panel.slide == "left"
         edge = across[0] + inset if at_low else across[1] - inset
         middle = (along[0] + along[1]) / 2
         at = (x[0], edge, middle) if upright else (x[0], middle, edge)
@@ -316,6 +333,19 @@ def grid(
         for r in range(rows)
         for c in range(columns)
     )
+
+
+def _handle_inset(across: Span) -> float:
+    """Return the distance of a handle from the edge of its front [m]."""
+    return min(0.045, 0.25 * (across[1] - across[0]))
+
+
+def _sliding(name: str, panel: FrontPanel, front: Spans) -> Motion:
+    """Return the joint of a sliding door, up to the handle of the door that it passes."""
+    x, y, z = front
+    travel = y[1] - y[0] - _handle_inset(y) - HANDLE_ROOM_M
+    axis = (0.0, 1.0 if panel.slide == "left" else -1.0, 0.0)
+    return slide("body", name, (x[0], (y[0] + y[1]) / 2, z[0]), axis, travel)
 
 
 def _free_to_swing(span: Span, thick_m: float, hinge_at: HingeSide) -> Span:

@@ -42,6 +42,8 @@ class PartGroup:
     """Word for a material or colour."""
     words: tuple[str, ...] = ()
     """Words that specify the kind, for example ``freezer`` of a drawer."""
+    slides: bool = False
+    """True for sliding doors."""
     member_hinges: dict[str, Side] = field(default_factory=dict)
     """Hinged edge of single parts, by their position in the group."""
     is_adjective: bool = False

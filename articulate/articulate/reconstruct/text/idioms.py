@@ -228,6 +228,12 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (r"\btriple\b", " @mult_3 "),
     (r"\b(?:quadruple|quad)\b", " @mult_4 "),
     (r"\bsliding (?=drawers?)", " "),
+    (r"\bsliding (?=(?:[a-z]+ )?doors?\b)", " @slide "),
+    (
+        r"(?<=doors )(?:that |which |can |to )?(?:slide|are sliding)\b(?: sideways| aside| open)?"
+        r"|(?<=door )(?:that |which |can |to )?(?:slides?|is sliding)\b(?: sideways| aside| open)?",
+        " @slide ",
+    ),
     (r"\b(?:single|a lone|a sole)\b", " 1 "),
 )
 """Patterns and their symbols, in the order in which they are applied."""

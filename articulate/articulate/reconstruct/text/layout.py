@@ -11,6 +11,7 @@ from articulate.library.procedural.front_layout import (
     HandleKind,
     HingeSide,
     PanelKind,
+    SlideDirection,
 )
 from articulate.reconstruct.text.description import Description, PartGroup, Position, Side
 
@@ -322,6 +323,8 @@ def _group_panels(group: PartGroup, area: Area, style: FrontStyle, beside: int) 
         row, column = divmod(k, columns)
         in_row = min(columns, count - row * columns)
         wide = (right - left) / in_row
+        slide = _slide(column, in_row, area) if group.slides else ""
+        hinge = _member_hinge(group, k, count, in_row) or hinges[column % len(hinges)]
         out.append(
             FrontPanel(
                 kind=kind,
@@ -329,11 +332,20 @@ def _group_panels(group: PartGroup, area: Area, style: FrontStyle, beside: int) 
                 right=min(1.0, left + (column + 1) * wide),
                 bottom=max(0.0, top - (row + 1) * high),
                 top=top - row * high,
-                hinge=_member_hinge(group, k, count, in_row) or hinges[column % len(hinges)],
+                hinge="" if slide else hinge,
+                slide=slide,
+                layer=1 if slide and (column % 2 or in_row == 1) else 0,
                 handle="none" if kind in {"open", "panel", "gap"} else style.handle,
             )
         )
     return out
+
+
+def _slide(column: int, columns: int, area: Area) -> SlideDirection:
+    """Return the direction in which a sliding door opens: before or behind its neighbour."""
+    if columns == 1:
+        return "left" if area[0] >= 1.0 - area[1] else "right"
+    return "right" if column % 2 == 0 and column + 1 < columns else "left"
 
 
 def _member_hinge(group: PartGroup, k: int, count: int, columns: int) -> HingeSide:

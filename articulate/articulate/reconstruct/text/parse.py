@@ -180,6 +180,7 @@ class _Parser(ArrangementReader):
             "no": lambda _: self._exclude(),
             "hinge": lambda side: self._hinge(cast(Side, side)),
             "handle": self._handle_side,
+            "slide": lambda _: self._slide(),
             "pos": self._position,
             "rel": self._relation,
             "row": lambda _: self._stack("row"),
@@ -194,6 +195,18 @@ class _Parser(ArrangementReader):
         }
         if name in actions:
             actions[name](value)
+
+    def _slide(self) -> None:
+        """Read ``sliding doors`` and ``doors that slide``."""
+        group = self.group
+        if self.out.category not in {"furniture", ""}:
+            self.out.unknown.append("sliding")
+        elif self.next_kind(self.at + 1) == "door":
+            self.pending.slides = True
+        elif group is not None and group.kind == "door":
+            group.slides = True
+        else:
+            self.out.unknown.append("sliding")
 
     def _exclude(self) -> None:
         self._finish_phrase()
@@ -400,6 +413,7 @@ class _Parser(ArrangementReader):
             rows=rows,
             columns=columns,
             hinge=pending.hinge,
+            slides=pending.slides and kind == "door",
             weight=pending.weight,
             material=pending.material,
             words=tuple(pending.words),
@@ -421,6 +435,7 @@ class _Parser(ArrangementReader):
         for k in existing if plural else [index]:
             group = out.groups[k]
             group.hinge = pending.hinge or group.hinge
+            group.slides = pending.slides or group.slides
             group.material = pending.material or group.material
             if pending.both and group.count is None:
                 group.count = 2

@@ -71,6 +71,7 @@ class Pending:
     rows: int | None = None
     columns: int | None = None
     plastic: bool = False
+    slides: bool = False
     words: list[str] = field(default_factory=list)
 
 

@@ -109,6 +109,20 @@ def test_relations_are_read(text, link):
     assert (relation.first, relation.link, relation.second) == link
 
 
+@pytest.mark.parametrize(
+    ("text", "axes"),
+    [
+        ("a wardrobe with sliding doors", [-1, 1]),
+        ("a cabinet with three doors that slide sideways", [-1, 1, 1]),
+        ("a sideboard with four sliding oak doors", [-1, 1, -1, 1]),
+        ("a cabinet with one sliding door on the left and two shelves on the right", [-1]),
+    ],
+)
+def test_sliding_doors_move_along_the_front(text, axes):
+    doors = [part.motion for part in propose(text).parts if part.motion is not None]
+    assert [(one.kind, one.axis) for one in doors] == [("prismatic", (0.0, y, 0.0)) for y in axes]
+
+
 S, FRIDGE = "StorageFurniture", "Refrigerator"
 ARRANGED = [
     (
