@@ -256,8 +256,9 @@ class _Parser(ArrangementReader):
         if word in ADJECTIVE_POSITIONS and self.next_kind(self.at + 1):
             pending.position = ADJECTIVE_POSITIONS[word]
         elif word in SIZE_WORDS:
-            pending.scale = SIZE_WORDS[word]
-            pending.weight = 1.4 if pending.scale[1] > 1.0 else 0.7
+            dimension, factor = SIZE_WORDS[word]
+            pending.scale[dimension] = factor
+            pending.weight = 1.4 if factor > 1.0 else 0.7
         elif word in {"bar", "bars"}:
             out.handles = "bar"
             out.handle_material = pending.material
@@ -332,9 +333,7 @@ class _Parser(ArrangementReader):
         pending, out = self.pending, self.out
         if pending.material:
             out.material = pending.material
-        if pending.scale:
-            dimension, factor = pending.scale
-            out.scale[dimension] = factor
+        out.scale |= pending.scale
         if pending.hinge:
             out.hinge = pending.hinge
         self.pending = Pending()
@@ -526,8 +525,8 @@ class _Parser(ArrangementReader):
             out.material = pending.material
         elif pending.material and self.current is not None:
             out.groups[self.current].material = pending.material
-        if pending.scale and not self.out.groups and pending.scale[0] != "all":
-            out.scale[pending.scale[0]] = pending.scale[1]
+        if not self.out.groups:
+            out.scale |= {name: value for name, value in pending.scale.items() if name != "all"}
         position = pending.position
         self.pending = Pending()
         if position and self.current is not None:

@@ -65,7 +65,7 @@ class Pending:
     hinge: Side = ""
     position: Position = ""
     weight: float = 1.0
-    scale: tuple[str, float] | None = None
+    scale: dict[str, float] = field(default_factory=dict)
     stack: Stack = ""
     grid: tuple[int, int] | None = None
     rows: int | None = None

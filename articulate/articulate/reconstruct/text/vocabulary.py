@@ -94,7 +94,7 @@ CLASSES: tuple[ObjectClass, ...] = (
         "legs",
     ),
     _furniture(
-        "filing cabinet|(?:vertical |lateral )?file cabinet|(?:lateral|vertical) file",
+        "(?:vertical |lateral )?(?:filing|file) cabinet|(?:lateral|vertical) file",
         (0.45, 0.6, 1.1),
         {"drawer": 4},
         "plinth",
@@ -106,6 +106,7 @@ CLASSES: tuple[ObjectClass, ...] = (
     ),
     _furniture("tool (?:cabinet|chest)|tool (?:trolley|cart)", (0.7, 0.45, 0.95), {"drawer": 5}),
     _furniture("locker", (0.4, 0.5, 1.8), {"door": 1}),
+    _furniture("(?:server|network|computer) (?:rack|cabinet)", (0.6, 0.9, 1.9), {"door": 1}),
     _furniture(
         "bookcase|bookshelf|book cabinet|shelving unit|shelf unit",
         (0.8, 0.3, 1.8),
@@ -174,8 +175,8 @@ CLASSES: tuple[ObjectClass, ...] = (
         "trash_can",
         "TrashCan",
         "trash can|trash ?bin|dust ?bin|waste ?bin|waste ?basket|waste paper basket|garbage "
-        "(?:can|bin)|rubbish bin|litter bin|pedal bin|bin|step can|refuse bin|kitchen bin|ash ?can|"
-        "(?:laundry )?hamper|laundry (?:bin|basket)",
+        "(?:can|bin)|rubbish bin|litter bin|pedal bin|bin|step (?:can|bin)|refuse bin|kitchen bin|"
+        "ash ?can|(?:laundry )?hamper|laundry (?:bin|basket)",
     ),
     _object("bucket", "Bucket", "bucket|pail"),
     _object(
@@ -465,6 +466,7 @@ NO_EFFECT = word_set(
     storage combination flush front-loading side-hung hinged interior inner outer internal
     external decorative countertop veneer veneered laminate frost
     soft close self closing lockable lock locks keyhole mirrored mirror mirrors rolling
+    gun sink baby changing
     """
 )
 """Words that are understood and do not change the object."""

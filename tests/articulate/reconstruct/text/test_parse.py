@@ -41,6 +41,11 @@ def test_lengths_are_read_in_any_notation(text, expected):
     assert sizes(text) == pytest.approx(expected)
 
 
+def test_all_words_for_the_size_count():
+    scaled = parse("a tall narrow cabinet with two doors").scale
+    assert scaled == {"height": 1.3, "width": 0.7}
+
+
 @pytest.mark.parametrize(
     ("text", "litres"),
     [
@@ -237,6 +242,7 @@ def test_thickness_of_a_flat_object_is_a_size_of_the_object(text, sizes_m):
         ("mailbox with a front door that opens downward", "furniture", []),
         ("a rolling tool chest with 5 drawers and a lock", "furniture", []),
         ("medicine cabinet with a mirror door", "furniture", []),
+        ("a server rack with a glass front door", "furniture", []),
     ],
 )
 def test_household_nouns_are_understood(text, category, unknown):
