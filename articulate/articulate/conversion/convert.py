@@ -200,8 +200,13 @@ def _scaled_pose(T: Array, scale: float) -> Array:
     return out
 
 
-Shaped = dict[tuple[str, int], tuple[tuple[Shape, ...], tuple[str, ...]]]
-"""Collision shapes of links and the messages about them, by name and number of refinements."""
+class Shaped(dict[tuple[str, int], tuple[tuple[Shape, ...], tuple[str, ...]]]):
+    """Collision shapes of links and the messages about them, by name and number of refinements."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.unfinished: set[str] = set()
+        """Links of which a refinement took too long."""
 
 
 def build_asset(
@@ -226,7 +231,7 @@ def build_asset(
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
-    known = {} if known is None else known
+    known = Shaped() if known is None else known
     bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {}, budget)
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
@@ -359,6 +364,7 @@ def _shapes_of(
         except OutOfTimeError:
             assert before is not None
             known[key] = before
+            known.unfinished.add(name)
     return known[key]
 
 

@@ -36,6 +36,7 @@ from articulate.formats.textures import named_files
 from articulate.geometry.time_budget import Budget
 from articulate.preparation import store
 from articulate.preparation.check_report_file import (
+    CHECK_REPORT_FILE,
     PAGE_FILE,
     load_check_report,
     save_check_report,
@@ -219,11 +220,12 @@ def _converted(reading: Reading, config: ConvertConfig, cache: Path, start: floa
     key = input_key(reading, config)[:20]
     folder = cache / "assets" / f"{reading.source.name[:40]}-{key}"
     with entry_lock(cache, f"asset-{key}"):
-        if (folder / "asset.json").is_file():
+        unfinished: frozenset[str] = frozenset()
+        if (folder / "asset.json").is_file() and not _is_undecided(folder):
             asset = load_asset(folder)
         else:
-            asset = _made(reading, config, folder)
-        report = run_checks(asset, origin_of_reading(reading, config))
+            asset, unfinished = _made(reading, config, folder)
+        report = run_checks(asset, origin_of_reading(reading, config), unfinished)
         report = replace(report, counts=counts_of(reading.source, asset))
         report = _written(report, asset, start)
     return _Result(folder=folder, report=report, inputs=_inputs(reading))
@@ -251,8 +253,14 @@ def links_to_refine(made: Refined, repaired: RepairResult) -> frozenset[str]:
     return repaired.stuck | failed
 
 
-def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
-    """Make the asset of ``reading`` in ``folder``.
+def _is_undecided(folder: Path) -> bool:
+    """Return whether the report in ``folder`` is undecided: more time may decide it."""
+    path = folder / CHECK_REPORT_FILE
+    return path.is_file() and load_check_report(folder).verdict == "undecided"
+
+
+def _made(reading: Reading, config: ConvertConfig, folder: Path) -> tuple[Asset, frozenset[str]]:
+    """Make the asset of ``reading`` in ``folder``; return it and its links without finer shapes.
 
     Its collision shapes are as fine as necessary to leave cavities open and to cover visible
     surfaces, and are trimmed where parts do not pass each other.
@@ -261,7 +269,7 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     made = refiner.best()
     if made.model is None or not made.asset.joints:
         asset = replace(made.asset, accepted=config.accept)
-        return write_asset(asset, made.bodies, made.mimics, folder)
+        return write_asset(asset, made.bodies, made.mimics, folder), made.unfinished
     repaired = repair_joints(made.asset, made.bodies, made.mimics, made.model, Budget(REPAIR_S))
     wrong = links_to_refine(made, repaired)
     finer = refiner.finer(wrong) if wrong else None
@@ -274,7 +282,7 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
         repairs=(*made.asset.repairs, *repaired.repairs),
         accepted=config.accept,
     )
-    return write_asset(asset, repaired.bodies, made.mimics, folder)
+    return write_asset(asset, repaired.bodies, made.mimics, folder), made.unfinished
 
 
 def reject(

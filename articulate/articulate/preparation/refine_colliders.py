@@ -46,6 +46,8 @@ class Refined:
     mimics: list[Mimic]
     model: ObjectModel | None
     """Compiled with its visual geometry; None if it cannot be loaded."""
+    unfinished: frozenset[str]
+    """Links of which a refinement took too long."""
 
 
 def refined(reading: Reading, config: ConvertConfig, name: str) -> Refined:
@@ -137,8 +139,14 @@ class Refiner:
             try:
                 model = load_model(first)
             except AssetError:  # the check "loads" reports it
-                return Refined(asset=asset, bodies=bodies, mimics=mimics, model=None)
-        return Refined(asset=asset, bodies=bodies, mimics=mimics, model=model)
+                model = None
+        return Refined(
+            asset=asset,
+            bodies=bodies,
+            mimics=mimics,
+            model=model,
+            unfinished=frozenset(self._shaped.unfinished),
+        )
 
 
 def failed_shapes(model: ObjectModel) -> list[Check]:

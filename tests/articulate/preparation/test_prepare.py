@@ -7,6 +7,7 @@ from typing import Any, cast
 import pytest
 import trimesh
 from tests.articulate.checks.objects import Part, make_object
+from tests.articulate.conversion.boxes import written
 from tests.articulate.conversion.cabinets import write_cabinet
 
 from articulate.assets.asset import load_asset
@@ -15,7 +16,8 @@ from articulate.checks.descriptions import CHECKS
 from articulate.checks.run_checks import run_checks
 from articulate.conversion import ConvertConfig
 from articulate.errors import UsageError
-from articulate.preparation import prepare
+from articulate.geometry.time_budget import Budget
+from articulate.preparation import prepare, refine_colliders
 from articulate.preparation.check_report_file import load_check_report
 from articulate.preparation.prepare import check_asset, links_to_refine
 from articulate.preparation.refine_colliders import Refined
@@ -182,7 +184,7 @@ def unmeasured(monkeypatch):
     monkeypatch.setattr(
         prepare,
         "run_checks",
-        lambda asset, _: CheckReport(asset=asset.name, verdict="passed", repairs=asset.repairs),
+        lambda asset, *_: CheckReport(asset=asset.name, verdict="passed", repairs=asset.repairs),
     )
 
 
@@ -242,7 +244,7 @@ def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, mon
     config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
     both, met = threading.Barrier(2), []
 
-    def meet(asset, _):
+    def meet(asset, *_):
         try:
             both.wait(timeout=2.0)
             met.append(asset.folder)
@@ -295,8 +297,37 @@ def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
         ]
 
     monkeypatch.setattr(prepare, "failed_shapes", failing)
-    made = Refined(asset=cast(Any, None), bodies=[], mimics=[], model=cast(Any, "it"))
+    made = Refined(
+        asset=cast(Any, None), bodies=[], mimics=[], model=cast(Any, "it"), unfinished=frozenset()
+    )
     assert links_to_refine(made, _mended(made, cut=cut, stuck=stuck)) == wrong
+
+
+def test_a_link_without_time_for_finer_shapes_is_undecided_and_made_again(tmp_path, monkeypatch):
+    def coverage(model):
+        return (
+            Check(name="collision_coverage", outcome="failed", subject="body", message="coarse"),
+        )
+
+    times = []
+
+    def budget(limit_s):
+        times.append(limit_s)
+        return Budget(-1.0)
+
+    monkeypatch.setattr("articulate.checks.run_checks.check_coverage", coverage)
+    monkeypatch.setattr(refine_colliders, "check_coverage", coverage)
+    monkeypatch.setattr(refine_colliders, "Budget", budget)
+    config = dataclasses.replace(ConvertConfig(), cache_dir=tmp_path / "cache")
+    source = written(tmp_path / "in")
+    report = check_asset(source, tmp_path / "out", config)
+    assert report.verdict == "undecided"
+    assert "the processor time was too short for finer shapes" in report.reasons[0]
+    count = len(times)
+    check_asset(source, tmp_path / "again", config)
+    assert len(times) == 2 * count > 0
+    monkeypatch.setattr(refine_colliders, "Budget", Budget)
+    assert check_asset(source, tmp_path / "slowly", config).verdict == "rejected"
 
 
 @pytest.mark.dataset

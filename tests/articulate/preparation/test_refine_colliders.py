@@ -150,3 +150,4 @@ def test_a_link_that_takes_too_long_keeps_the_shapes_it_had(tmp_path: Path):
     for one, other in zip(before, after, strict=True):
         assert one.shapes == other.shapes
     np.testing.assert_equal(known["body", 1][0], before[0].shapes)
+    assert known.unfinished == {"body"}
