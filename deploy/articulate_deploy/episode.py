@@ -29,7 +29,7 @@ from articulate.task.observation import (
     observation_params,
 )
 from articulate.task.randomization import EpisodeParams
-from articulate.task.task import goal_params
+from articulate.task.task import Task, goal_params
 from articulate.transforms import Array
 from articulate_deploy.estimators.estimator import Estimator
 from articulate_deploy.policy_control import PolicyController
@@ -143,7 +143,8 @@ def run_episode(
     estimator.reset()
     monitor, torque = new_monitor(1), np.zeros(7)
     last_action, clipped, step = np.zeros(manifest.action.size), 0, 0
-    last_width, constants = np.nan, _observation_params(manifest, speed_scale)
+    constants = _observation_params(manifest, speed_scale)
+    last_width: float | None = None
     stopped_by_force = False
     for step in range(steps):
         check()
@@ -151,7 +152,6 @@ def run_episode(
         measured = robot.get_observation()
         estimate = _policy_time(estimator.estimate(), speed_scale)
         width = measured[GRIPPER_KEY]
-        last_width = width if step == 0 else last_width
         inputs = _inputs(
             manifest, measured, last_width, controller, last_action, speed_scale=speed_scale
         )
@@ -179,23 +179,29 @@ def run_episode(
                 observation=observed[0],
                 action=action,
                 target=sent,
-                joint_pos=inputs.q[0],
-                joint_vel=inputs.dq[0],
-                gripper_width_m=width,
                 measured_force_n=force,
                 monitor=monitor.samples[0],
                 policy_s=policy_s,
+                **_robot_columns(inputs),
                 **_object_columns(estimate, truth),
             )
         if monitor.diverged[0]:
             break
     robot.stop()
-    reason = REASONS[int(failure_reason(monitor, task)[0])]
+    fraction = float(estimator.monitored_state().opened[0])
+    ended = _result(monitor, task, fraction=fraction, steps=step + 1, clipped=clipped)
+    return replace(ended, reason=str(FailureReason.FORCE)) if stopped_by_force else ended
+
+
+def _result(
+    monitor: EpisodeMonitor, task: Task, *, fraction: float, steps: int, clipped: int
+) -> EpisodeResult:
+    """Return the outcome of the monitored episode."""
     return EpisodeResult(
-        reason=str(FailureReason.FORCE) if stopped_by_force else reason,
+        reason=REASONS[int(failure_reason(monitor, task)[0])],
         opened=bool(goal_held(monitor, task)[0]),
-        fraction=float(estimator.monitored_state().opened[0]),
-        steps=step + 1,
+        fraction=fraction,
+        steps=steps,
         clipped=clipped,
         peaks={name: float(monitor.peak(name)[0]) for name in PEAKS},
     )
@@ -208,6 +214,15 @@ def _safe(
     control, arm = manifest.control, manifest.robot
     safe = safe_target(requested, last, control, arm)
     return safe if tool_limits is None else limit_tool(safe, last, tool_limits, control, arm)
+
+
+def _robot_columns(inputs: ObservationInputs) -> dict[str, Array | float]:
+    """Return the columns of a recording that describe arm and gripper."""
+    return {
+        "joint_pos": inputs.q[0],
+        "joint_vel": inputs.dq[0],
+        "gripper_width_m": float(inputs.gripper_width[0]),
+    }
 
 
 def _object_columns(estimate: Estimate, truth: Estimate) -> dict[str, Array | float]:
@@ -236,7 +251,7 @@ def _observation_params(manifest: Manifest, speed_scale: float) -> ObservationPa
 def _inputs(
     manifest: Manifest,
     measured: dict[str, float],
-    last_width: float,
+    last_width: float | None,
     controller: PolicyController,
     last_action: Array,
     *,
@@ -244,6 +259,7 @@ def _inputs(
 ) -> ObservationInputs:
     """Return the inputs of the observation, one row, with speeds in the policy's time."""
     q, target = read_keys(measured)[None], controller.target[None]
+    width = measured[GRIPPER_KEY]
     T_wt, T_wt_target = tool_pose(manifest.robot, np.concatenate([q, target]))
     return ObservationInputs(
         q=q,
@@ -252,8 +268,8 @@ def _inputs(
         T_wt=T_wt[None],
         T_wt_target=T_wt_target[None],
         gripper=controller.gripper._replace(since_s=controller.gripper.since_s * speed_scale),
-        gripper_width=np.array([measured[GRIPPER_KEY]]),
-        last_gripper_width=np.array([last_width]),
+        gripper_width=np.array([width]),
+        last_gripper_width=np.array([width if last_width is None else last_width]),
         pending_actions=controller.pending_actions[None],
         last_action=last_action[None],
     )
