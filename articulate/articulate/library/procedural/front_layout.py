@@ -56,6 +56,8 @@ WALL_SHARE = 0.6
 """Thickness of a wall of a cell over that of the boards."""
 INSIDE_M = 0.03
 """Smallest width and height of the space behind a moving front [m]."""
+HANDLE_DEPTH_M = 0.06
+"""Depth of handles before their fronts, and a gap [m]."""
 HANDLE_ROOM_M = 0.03
 """Distance of a sliding door from the middle of the next one's handle [m]."""
 TOLERANCE = 1e-6
@@ -84,7 +86,8 @@ class FrontPanel:
     slide: SlideDirection = ""
     """Direction in which a sliding door opens, which has no hinge."""
     layer: int = 0
-    """1: a sliding door before the plane of the other fronts, which passes before its neighbour."""
+    """1: a sliding door before the plane of the other fronts, which passes before its neighbour.
+    2: before their handles too."""
     handle: HandleKind = "bar"
     name: str = ""
     """Name of the link; by default ``<kind>_<number>``."""
@@ -218,6 +221,10 @@ class FrontLayout:
     def _body_x(self) -> Span:
         return (self._front_x[1] + GAP_M, self.depth_m / 2)
 
+    def _ahead_m(self, layer: int) -> float:
+        """Return the distance of a layer of sliding doors before the other fronts [m]."""
+        return (0.0, self.board_m + GAP_M, self.board_m + HANDLE_DEPTH_M)[layer]
+
     def _sides(self, gap: FrontPanel, y: Span, z: Span, number: int) -> dict[str, Piece]:
         """Return boards at the outer edges of a gap, which carry the worktop."""
         x, board = self._body_x, self.board_m
@@ -229,8 +236,8 @@ class FrontLayout:
         return pieces
 
     def _top_and_base(self) -> dict[str, Piece]:
-        layers = max((panel.layer for panel in self.panels), default=0)
-        x = (-self.depth_m / 2 - layers * (self.board_m + GAP_M), self.depth_m / 2)
+        ahead = max((self._ahead_m(panel.layer) for panel in self.panels), default=0.0)
+        x = (-self.depth_m / 2 - ahead, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         pieces: dict[str, Piece] = {}
         if self.worktop_m > 0.0:
@@ -248,7 +255,7 @@ class FrontLayout:
             y_front = _free_to_swing(y_front, self.board_m, panel.hinge)
         elif panel.hinge:
             z_front = _free_to_swing(z_front, self.board_m, panel.hinge)
-        ahead = panel.layer * (self.board_m + GAP_M)
+        ahead = self._ahead_m(panel.layer)
         front = ((self._front_x[0] - ahead, self._front_x[1] - ahead), y_front, z_front)
         if panel.kind == "drawer":
             hole = (shrunk(y, self._wall_m), shrunk(z, self._wall_m))

@@ -334,7 +334,7 @@ def _group_panels(group: PartGroup, area: Area, style: FrontStyle, beside: int) 
                 top=top - row * high,
                 hinge="" if slide else hinge,
                 slide=slide,
-                layer=1 if slide and (column % 2 or in_row == 1) else 0,
+                layer=_layer(column, in_row) if slide else 0,
                 handle="none" if kind in {"open", "panel", "gap"} else style.handle,
             )
         )
@@ -346,6 +346,11 @@ def _slide(column: int, columns: int, area: Area) -> SlideDirection:
     if columns == 1:
         return "left" if area[0] >= 1.0 - area[1] else "right"
     return "right" if column % 2 == 0 and column + 1 < columns else "left"
+
+
+def _layer(column: int, columns: int) -> int:
+    """Return the layer of a sliding door; one without a neighbour passes before other fronts."""
+    return 2 if columns == 1 else column % 2
 
 
 def _member_hinge(group: PartGroup, k: int, count: int, columns: int) -> HingeSide:

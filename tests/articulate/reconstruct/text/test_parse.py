@@ -1,5 +1,6 @@
 import re
 
+import numpy as np
 import pytest
 from tests.articulate.reconstruct.text.prompt_match import differences
 
@@ -128,11 +129,28 @@ def test_sliding_doors_move_along_the_front(text, axes):
     assert [(one.kind, one.axis) for one in doors] == [("prismatic", (0.0, y, 0.0)) for y in axes]
 
 
+def test_a_single_sliding_door_passes_before_the_handles_of_drawers():
+    parts = {part.name: part for part in propose("a sideboard, one sliding door, 3 drawers").parts}
+
+    def front_x(name):
+        part = parts[name]
+        corners = [solid.mesh()[0] for shape in part.shapes for solid in shape.solids]
+        return part.motion.origin_p[0] + np.concatenate(corners)[:, 0]
+
+    door = [s for s in parts["door_0"].shapes if s.name.endswith("front")]
+    rear = max(solid.mesh()[0][:, 0].max() for s in door for solid in s.solids)
+    assert parts["door_0"].motion.origin_p[0] + rear < front_x("drawer_0").min()
+
+
 S, FRIDGE = "StorageFurniture", "Refrigerator"
 ARRANGED = [
     (
         "cabinet with two drawers in the top row and three drawers in the bottom row",
         {"category": S, "parts": {"drawer": 5}, "grid": {"drawer": [2, 5]}},
+    ),
+    (
+        "an apothecary cabinet: 4 rows, 5 columns of little drawers",
+        {"category": S, "parts": {"drawer": 20}, "grid": {"drawer": [4, 5]}},
     ),
     (
         "a dresser that has three rows of drawers, with two drawers per row",
