@@ -197,7 +197,7 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
         mesh = turned(scan.mesh, front)
         if hints.front == "auto" and mesh.size[1] < EDGE * min(mesh.size[0], mesh.size[2]):
             continue  # the edge of a room door or window
-        found = propose_parts(mesh, counts)
+        found = propose_parts(mesh, counts, smooth=scan.smooth)
         score = _front_score(found.parts)
         if front == TURNS[0]:
             score *= FILE_FRONT

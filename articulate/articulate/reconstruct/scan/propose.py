@@ -10,8 +10,10 @@ import numpy as np
 from articulate.reconstruct.scan.discs import knobs, round_door, wheels
 from articulate.reconstruct.scan.door_handles import turning_handles
 from articulate.reconstruct.scan.faucets import faucet_parts
-from articulate.reconstruct.scan.fronts import all_fronts, front_parts, moving_fronts
+from articulate.reconstruct.scan.fronts import Front, all_fronts, front_parts, moving_fronts
+from articulate.reconstruct.scan.handle_layout import parts_by_handles
 from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
+from articulate.reconstruct.scan.panels import ENTIRE
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -36,6 +38,7 @@ PRECISION: Mapping[str, float] = {
     "a partner beside it": 0.6,
     "equal discs at the bottom": 0.6,
     "a handle near the other edge": 0.6,
+    "a handle on a front without seams": 0.6,
     "a plate above the rim of a container": 0.6,
     "a tray behind a door": 0.6,
     "an upright slab turned against the object": 0.5,
@@ -44,6 +47,7 @@ PRECISION: Mapping[str, float] = {
     "a centred handle at the top": 0.35,
     "a centred handle at the bottom": 0.3,
     "a large disc in the front": 0.3,
+    "a dial beside the fronts": 0.5,
     "its side of the object": 0.2,
     "a wide front with a centred handle": 0.2,
     "a cover on top of a container": 0.2,
@@ -60,15 +64,18 @@ class FoundParts:
     """Category that the parts imply, ``unknown`` if several have such parts."""
 
 
-def propose_parts(mesh: ScanMesh, counts: Mapping[str, int] | None = None) -> FoundParts:
+def propose_parts(
+    mesh: ScanMesh, counts: Mapping[str, int] | None = None, *, smooth: bool = False
+) -> FoundParts:
     """Return the proposed moving parts of an object, whose faces do not overlap.
 
     Args:
         mesh: The object; its front is +x.
         counts: Number of parts by kind, where known; other numbers lower the confidence.
+        smooth: True for the surface of a scanner, on which few parts have a border.
     """
     parts = Segmentation(mesh)
-    found = _by_rules(parts)
+    found = _by_rules(parts, smooth=smooth)
     moving = np.zeros(len(mesh.faces), dtype=bool)
     for proposal in found.parts:
         moving[proposal.faces] = True
@@ -79,7 +86,7 @@ def propose_parts(mesh: ScanMesh, counts: Mapping[str, int] | None = None) -> Fo
     return found
 
 
-def _by_rules(parts: Segmentation) -> FoundParts:
+def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
     faucet = faucet_parts(parts)
     if faucet:
         return FoundParts(parts=tuple(faucet), category="Faucet")
@@ -98,6 +105,11 @@ def _by_rules(parts: Segmentation) -> FoundParts:
         return FoundParts(parts=tuple(with_details(parts, ajar)))
     every_front = all_fronts(parts)
     fronts, sure = moving_fronts(parts, every_front)
+    if smooth:
+        divided = parts_by_handles(parts)
+        known = [front for front in fronts if sure and not _is_entire(parts, front)]
+        if len(divided) > len(known):
+            return FoundParts(parts=tuple(divided))
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         beside = [front for front in fronts if len(front.tray)]
@@ -116,6 +128,11 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
     return FoundParts(parts=tuple(with_details(parts, found)))
+
+
+def _is_entire(parts: Segmentation, front: Front) -> bool:
+    """Return whether a front panel is nearly the entire front: perhaps the body itself."""
+    return bool((front.panel.size > ENTIRE * parts.mesh.size[1:]).all())
 
 
 def _clear_of(found: Sequence[PartProposal], others: Sequence[PartProposal]) -> list[PartProposal]:

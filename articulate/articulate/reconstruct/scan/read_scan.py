@@ -39,8 +39,9 @@ COARSE_SHARE = 1.0 / 600.0
 """Side of the cells to which the vertices of a large mesh are merged, a share of the diagonal."""
 DENSE_FACES, DENSE_SIDE = 30_000, 0.02
 """Meshes of scanners have more triangles, all smaller than this share of the diagonal."""
-SMOOTHINGS = 12
-"""Steps of the filter against noise."""
+SMOOTHINGS, LARGEST_MOVE = 12, 0.0015
+"""Steps of the filter against noise, and the largest motion of a corner, as a share of the
+diagonal: the filter deforms thin bars."""
 FLAT_SHARE = 1e-3
 """Smallest side of an object, as a share of its largest."""
 APART = 0.25
@@ -144,7 +145,10 @@ def _smoothed(mesh: ScanMesh) -> ScanMesh:
     """Return the mesh with its noise removed, by Taubin's filter, which keeps the volume."""
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     trimesh.smoothing.filter_taubin(surface, iterations=SMOOTHINGS)
-    return replace(mesh, vertices=np.asarray(surface.vertices, dtype=np.float64))
+    move = np.asarray(surface.vertices, dtype=np.float64) - mesh.vertices
+    length = np.linalg.norm(move, axis=1, keepdims=True)
+    move *= np.minimum(1.0, LARGEST_MOVE * mesh.diagonal / np.maximum(length, 1e-12))
+    return replace(mesh, vertices=mesh.vertices + move)
 
 
 def turned(mesh: ScanMesh, front: Front) -> ScanMesh:
