@@ -48,8 +48,9 @@ MOST = 24
 """Most handles of a front; more are ornaments."""
 FLAP = 0.6
 """Ratio of height and width from which a front with a bar at its upper or lower edge is a flap."""
-CENTRED = 0.2
-"""Largest offset of a handle in the middle of its front, as a share of it."""
+CENTRED, AT_EDGE = 0.2, 0.3
+"""Largest offset of a handle in the middle of its front, and least one of a handle at its edge, as
+a share of it."""
 BESIDE = 0.3
 """Offset from the middle from which an upright bar is at an edge, as a share of the width."""
 TALL, HIGH = 1.2, 0.3
@@ -380,6 +381,7 @@ def _motion(leaf: Leaf) -> tuple[JointKind, str]:
         centred = False
     if kind == "upright" or not centred:
         return "revolute", "left" if aside > 0.0 else "right"
-    if abs(above) < CENTRED or (leaf.stacked and size[1] < FLAP * size[0]):
+    is_drawer = abs(above) < AT_EDGE or size[1] < FLAP * size[0]
+    if abs(above) < CENTRED or (leaf.stacked and is_drawer):
         return "prismatic", ""
     return "revolute", "bottom" if above > 0.0 else "top"

@@ -95,6 +95,15 @@ def test_a_bar_at_the_upper_edge_is_that_of_a_flap():
     assert flap.pivot[2] < -0.4
 
 
+def test_a_bar_between_two_others_is_that_of_a_drawer_though_one_handle_was_lost():
+    found = parts_by_handles(
+        Segmentation(
+            shell((0.0, -0.35, 0.2, 0.015), (0.0, 0.05, 0.2, 0.015), (0, 0.35, 0.2, 0.015))
+        )
+    )
+    assert [one.kind for one in found] == ["drawer"] * 3
+
+
 def test_a_front_without_handles_has_no_parts():
     assert parts_by_handles(Segmentation(shell())) == []
 
