@@ -83,7 +83,7 @@ def build_solids(
     for k in sorted(range(len(proposals)), key=lambda k: float(_area(mesh, proposals[k]))):
         proposal = proposals[k]
         if proposal.panel is None or not proposal.hollow:
-            solid = _closed(mesh, proposal.faces, rest)
+            solid = _closed(mesh, proposal.faces, rest, convex=proposal.kind == "knob")
             solids[k] = _with_knob(solid, wall)
             rest = rest - solid
             continue
@@ -168,9 +168,15 @@ def _solid(vertices: Array, faces: Ints) -> Manifold | None:
     return solid if closed and solid.volume() > 0.0 else None
 
 
-def _closed(mesh: ScanMesh, faces: Ints, rest: Manifold) -> Manifold:
-    """Return a part of the surface as a solid: with caps on its borders, or filled."""
-    filled = rest ^ Manifold.hull_points(mesh.triangles[faces].reshape(-1, 3))
+def _closed(mesh: ScanMesh, faces: Ints, rest: Manifold, *, convex: bool) -> Manifold:
+    """Return a part of the surface as a solid: with caps on its borders, or filled.
+
+    A convex part is its convex hull: its surface may have holes.
+    """
+    hull = Manifold.hull_points(mesh.triangles[faces].reshape(-1, 3))
+    if convex:
+        return hull
+    filled = rest ^ hull
     capped = _solid(*_capped(mesh, faces))
     ring = capped is None or capped.volume() < RING * filled.volume()
     return filled if ring or capped is None else capped

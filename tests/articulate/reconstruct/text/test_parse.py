@@ -132,14 +132,15 @@ def test_sliding_doors_move_along_the_front(text, axes):
 def test_a_single_sliding_door_passes_before_the_handles_of_drawers():
     parts = {part.name: part for part in propose("a sideboard, one sliding door, 3 drawers").parts}
 
-    def front_x(name):
-        part = parts[name]
-        corners = [solid.mesh()[0] for shape in part.shapes for solid in shape.solids]
-        return part.motion.origin_p[0] + np.concatenate(corners)[:, 0]
+    def x_of(name, shapes):
+        """Return the coordinates x of the corners of shapes of a part (N,)."""
+        motion = parts[name].motion
+        assert motion is not None
+        corners = [solid.mesh()[0] for shape in shapes for solid in shape.solids]
+        return motion.origin_p[0] + np.concatenate(corners)[:, 0]
 
-    door = [s for s in parts["door_0"].shapes if s.name.endswith("front")]
-    rear = max(solid.mesh()[0][:, 0].max() for s in door for solid in s.solids)
-    assert parts["door_0"].motion.origin_p[0] + rear < front_x("drawer_0").min()
+    door = [one for one in parts["door_0"].shapes if one.name.endswith("front")]
+    assert x_of("door_0", door).max() < x_of("drawer_0", parts["drawer_0"].shapes).min()
 
 
 S, FRIDGE = "StorageFurniture", "Refrigerator"
