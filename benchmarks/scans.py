@@ -209,7 +209,7 @@ def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
     if args.shells:
         dataset: Dataset = LibraryDataset("procedural", ProceduralLibrary(2 * FIRST_PUBLISHED_SEED))
         first = 0 if args.half == "development" else FIRST_PUBLISHED_SEED
-        for k in range(args.shells):
+        for k in range(args.skip, args.skip + args.shells):
             category = SHELLS[k % len(SHELLS)]
             yield dataset.load(f"{category}-{first + k // len(SHELLS):04d}")
         return
