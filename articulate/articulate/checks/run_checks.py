@@ -74,7 +74,7 @@ def run_checks(
             "input_kinematics", lambda m: check_input_kinematics(m, source, frame), model
         )
         checks += _attempt("visual_fidelity", lambda m: check_visual_fidelity(m, origin), model)
-    checks = [_decided(check, unfinished) for check in checks]
+    checks = [_left_undecided(check, unfinished) for check in checks]
     joints: tuple[JointCheck, ...] = ()
     if asset.joints:
         more, joints = _check_motion(asset, model)
@@ -119,7 +119,7 @@ def _attempt(
         return (_undecided(name, error),)
 
 
-def _decided(check: Check, unfinished: Collection[str]) -> Check:
+def _left_undecided(check: Check, unfinished: Collection[str]) -> Check:
     """Return an undecided check instead of a failed one of shapes that could become finer."""
     if check.outcome != "failed" or check.name not in SHAPES or check.subject not in unfinished:
         return check

@@ -177,3 +177,9 @@ def test_overlapping_and_tiny_panels_are_rejected() -> None:
         FrontPanel(kind="drawer", left=0, right=1, bottom=0, top=1, hinge="left")
     with pytest.raises(ConfigError, match="left and right"):
         FrontPanel(kind="drawer", left=0.5, right=0.5, bottom=0, top=1)
+
+
+@pytest.mark.parametrize(("kind", "slide"), [("drawer", "left"), ("flap", "right"), ("door", "")])
+def test_only_sliding_doors_have_a_layer(kind: str, slide: str) -> None:
+    with pytest.raises(ConfigError, match="only a sliding door has a layer"):
+        FrontPanel(kind=kind, left=0, right=1, bottom=0, top=1, slide=slide, layer=1)  # type: ignore[arg-type]

@@ -102,6 +102,8 @@ class FrontPanel:
                 raise ConfigError(
                     f"front panel: {names} are {low:g} and {high:g}; 0 <= low < high <= 1 is needed"
                 )
+        if (self.slide or self.layer) and (self.kind != "door" or not self.slide):
+            raise ConfigError(f"front panel: only a sliding door has a layer, not a {self.kind}")
         kind = "panel" if self.slide else self.kind
         accepted = {"door": ("left", "right"), "flap": ("top", "bottom")}.get(kind, ("",))
         if self.hinge not in accepted:

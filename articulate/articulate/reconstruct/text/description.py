@@ -119,7 +119,7 @@ class Description:
     @property
     def volume_text(self) -> str:
         """Return the volume with its unit."""
-        return f"{1000.0 * (self.volume_m3 or 0.0):.3g} l"
+        return f"{1000.0 * (self.volume_m3 or 0.0):.4g} l"
 
     def count(self, kind: str) -> int | None:
         """Return the number of parts of a kind; None if the text gives none."""

@@ -92,6 +92,8 @@ def build_furniture(description: Description) -> Built:
     for g in description.groups:
         if g.position == "ends" and (g.count or 2) % 2:
             out.doubts.append(f"{g.count} {g.kind}s are divided between two sides")
+        if g.slides and (g.hinge or description.hinge) in {"top", "bottom"}:
+            out.doubts.append("the doors are made with a hinge and do not slide")
     node = arrange(description, style)
     if (
         len(node.leaves()) > 1

@@ -23,6 +23,7 @@ from articulate.reconstruct.text.appearance import (
     without,
 )
 from articulate.reconstruct.text.description import Description, with_article
+from articulate.reconstruct.text.volume import OUTER_VOLUME, VolumeRange, sizes_of_volume
 
 Values = dict[str, Any]
 D = TypeVar("D", bound=Dimensions)
@@ -73,19 +74,6 @@ ROUND = frozenset({"trash_can", "bucket", "bottle", "kettle", "kitchen_pot"})
 FURNITURE_SURFACE = frozenset({"door", "box_with_lid", "table_with_drawers", "office_chair"})
 APPLIANCES = frozenset({"oven", "microwave", "dishwasher", "washing_machine", "safe", "fridge"})
 TWO_SIZES = {"sliding_window": ("width", "height"), "door": ("width", "height")}
-OUTER_VOLUME = {
-    "trash_can": 1.15,
-    "bucket": 1.1,
-    "bottle": 1.3,
-    "kettle": 1.3,
-    "kitchen_pot": 1.1,
-    "box_with_lid": 1.2,
-    "suitcase": 1.1,
-    "safe": 1.6,
-    "fridge": 2.2,
-    "microwave": 2.4,
-}
-"""Outer volume by that of the interior."""
 MOST_FRIDGE_WIDTH_M = 1.1
 """A longer side of a refrigerator without a name is its height [m]."""
 HINGE_FIELD = frozenset({"washing_machine", "door", "safe", "suitcase", "fridge"})
@@ -281,22 +269,25 @@ def overrides(description: Description, name: str) -> tuple[Values, list[str]]:
 def _filled(
     description: Description, name: str, usual: Dimensions, values: Values, assumed: list[str]
 ) -> None:
-    """Scale the usual sizes to the volume of the text, where it gives no size."""
+    """Scale the usual sizes to the volume of the text, where it gives no size.
+
+    Raises:
+        ConfigError: The volume is not possible.
+    """
     if description.volume_m3 is None or name not in OUTER_VOLUME:
         return
     text = description.volume_text
     if values:
         assumed.append(f"volume of {text}: the text gives sizes")
         return
-    fields = {one.name: one.metadata for one in dataclasses.fields(usual)}
-    names = [n for n in ("radius_m", "width_m", "depth_m", "height_m") if n in fields]
-    outer = np.prod([getattr(usual, n) for n in names])
-    if "radius_m" in names:
-        outer *= np.pi * getattr(usual, "radius_m")  # noqa: B009 - field of a subclass
-    factor = float(np.cbrt(OUTER_VOLUME[name] * description.volume_m3 / outer))
-    for n in names:
-        values[n] = float(np.clip(factor * getattr(usual, n), *fields[n]["accepted"]))
-    sizes = ", ".join(f"{n.removesuffix('_m')} {values[n]:.2g} m" for n in names)
+    found = sizes_of_volume(usual, name, description.volume_m3)
+    if isinstance(found, VolumeRange):
+        raise ConfigError(
+            f"{quote(description.text)}: a volume of {text} is not possible for "
+            f"{with_article(description.noun)}; it must be in {found.text}"
+        )
+    values |= found
+    sizes = ", ".join(f"{n.removesuffix('_m')} {value:.2g} m" for n, value in found.items())
     assumed.append(f"{sizes}: usual proportions for {text}")
 
 

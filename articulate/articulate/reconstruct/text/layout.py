@@ -323,7 +323,7 @@ def _group_panels(group: PartGroup, area: Area, style: FrontStyle, beside: int) 
         row, column = divmod(k, columns)
         in_row = min(columns, count - row * columns)
         wide = (right - left) / in_row
-        slide = _slide(column, in_row, area) if group.slides else ""
+        slide = _slide(column, in_row, area) if group.slides and kind == "door" else ""
         hinge = _member_hinge(group, k, count, in_row) or hinges[column % len(hinges)]
         out.append(
             FrontPanel(

@@ -22,13 +22,7 @@ from articulate.reconstruct.text.furniture import (
     build_furniture,
     build_table,
 )
-from articulate.reconstruct.text.household import (
-    OUTER_VOLUME,
-    SYNONYMS,
-    Household,
-    build_household,
-    kind_of,
-)
+from articulate.reconstruct.text.household import SYNONYMS, Household, build_household, kind_of
 from articulate.reconstruct.text.parse import parse
 from articulate.reconstruct.text.reader import normalise
 from articulate.reconstruct.text.vocabulary import (
@@ -41,6 +35,7 @@ from articulate.reconstruct.text.vocabulary import (
     SIZE_WORDS,
     word_set,
 )
+from articulate.reconstruct.text.volume import OUTER_VOLUME
 
 FOREIGN = word_set(
     """

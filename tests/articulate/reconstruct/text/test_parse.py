@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.articulate.reconstruct.text.prompt_match import differences
 
+from articulate.errors import ConfigError
 from articulate.reconstruct.text.measures import find_measures, with_digits
 from articulate.reconstruct.text.parse import parse
 from articulate.reconstruct.text.propose import propose
@@ -70,6 +71,25 @@ def test_usual_sizes_are_scaled_to_the_volume():
         "volume of 12 l: the text gives sizes"
         in propose("a 12 litre bucket, 30 cm high").assumptions
     )
+
+
+@pytest.mark.parametrize("litres", [0, 5000])
+def test_a_volume_out_of_range_is_rejected_with_the_range(litres):
+    with pytest.raises(
+        ConfigError, match=rf"a volume of {litres} l is not possible .* in \[.*\] l"
+    ):
+        propose(f"a {litres} litre bucket")
+
+
+def test_a_side_at_its_limit_leaves_the_volume_to_the_others():
+    (text,) = (a for a in propose("a 240 l chest freezer").assumptions if "240 l" in a)
+    sides = [float(x) for x in re.findall(r"(\d\.\d+|\d\.?) m", text)]
+    assert 1000.0 * np.prod(sides) / 1.2 == pytest.approx(240.0, rel=0.03)
+
+
+def test_doors_with_a_level_hinge_do_not_slide():
+    doubts = propose("a cabinet with sliding doors that open downward").doubts
+    assert "the doors are made with a hinge and do not slide" in doubts
 
 
 def groups(text):
