@@ -24,7 +24,6 @@ from articulate.task.manifest import Manifest
 from articulate.task.observation import (
     Estimate,
     ObservationInputs,
-    ObservationParams,
     observation,
     observation_params,
 )
@@ -142,23 +141,16 @@ def run_episode(
     robot.take_samples()
     estimator.reset()
     monitor, torque = new_monitor(1), np.zeros(7)
-    last_action, clipped, step = np.zeros(manifest.action.size), 0, 0
-    constants = _observation_params(manifest, speed_scale)
-    last_width: float | None = None
-    stopped_by_force = False
+    observer = _Observer(manifest, controller, speed_scale)
+    clipped, step, stopped_by_force = 0, 0, False
     for step in range(steps):
         check()
         begun_s = time.perf_counter()
         measured = robot.get_observation()
         estimate = _policy_time(estimator.estimate(), speed_scale)
-        width = measured[GRIPPER_KEY]
-        inputs = _inputs(
-            manifest, measured, last_width, controller, last_action, speed_scale=speed_scale
-        )
-        last_width = width
-        force = read_keys(measured, FORCE_KEYS)
-        observed = observation(inputs, estimate, force[None], 1.0 - step / steps, constants)
+        inputs, observed = observer.observe(measured, estimate, 1.0 - step / steps)
         action = policy.act(observed)[0]
+        width, force = measured[GRIPPER_KEY], read_keys(measured, FORCE_KEYS)
         requested, opening = controller.step(action, q=inputs.q[0], width_m=width, force=force)
         safe = _safe(requested, controller.target, manifest, tool_limits)
         clipped += was_clipped(requested, safe)
@@ -169,7 +161,7 @@ def run_episode(
             stopped_by_force = True
             break
         controller.set_sent(sent)
-        last_action = action
+        observer.last_action = action
         estimator.update()
         truth = estimator.monitored_state()
         _monitor(monitor, torque, robot, truth, manifest)
@@ -179,28 +171,26 @@ def run_episode(
                 observation=observed[0],
                 action=action,
                 target=sent,
-                measured_force_n=force,
                 monitor=monitor.samples[0],
                 policy_s=policy_s,
-                **_robot_columns(inputs),
+                **_robot_columns(inputs, force),
                 **_object_columns(estimate, truth),
             )
         if monitor.diverged[0]:
             break
     robot.stop()
-    fraction = float(estimator.monitored_state().opened[0])
-    ended = _result(monitor, task, fraction=fraction, steps=step + 1, clipped=clipped)
+    ended = _result(monitor, task, estimator.monitored_state(), steps=step + 1, clipped=clipped)
     return replace(ended, reason=str(FailureReason.FORCE)) if stopped_by_force else ended
 
 
 def _result(
-    monitor: EpisodeMonitor, task: Task, *, fraction: float, steps: int, clipped: int
+    monitor: EpisodeMonitor, task: Task, truth: Estimate, *, steps: int, clipped: int
 ) -> EpisodeResult:
     """Return the outcome of the monitored episode."""
     return EpisodeResult(
         reason=REASONS[int(failure_reason(monitor, task)[0])],
         opened=bool(goal_held(monitor, task)[0]),
-        fraction=fraction,
+        fraction=float(truth.opened[0]),
         steps=steps,
         clipped=clipped,
         peaks={name: float(monitor.peak(name)[0]) for name in PEAKS},
@@ -216,12 +206,13 @@ def _safe(
     return safe if tool_limits is None else limit_tool(safe, last, tool_limits, control, arm)
 
 
-def _robot_columns(inputs: ObservationInputs) -> dict[str, Array | float]:
+def _robot_columns(inputs: ObservationInputs, force: Array) -> dict[str, Array | float]:
     """Return the columns of a recording that describe arm and gripper."""
     return {
         "joint_pos": inputs.q[0],
         "joint_vel": inputs.dq[0],
         "gripper_width_m": float(inputs.gripper_width[0]),
+        "measured_force_n": force,
     }
 
 
@@ -241,38 +232,62 @@ def start_of(manifest: Manifest, params: EpisodeParams) -> Array:
     return np.asarray(np.clip(np.asarray(manifest.start.q) + params["start"][0], low, high))
 
 
-def _observation_params(manifest: Manifest, speed_scale: float) -> ObservationParams:
-    constants = observation_params(
-        manifest.control, manifest.task, manifest.object, manifest.placement
-    )
-    return constants._replace(step_s=constants.step_s * speed_scale)
+class _Observer:
+    """Observations of a policy, of one robot.
 
+    Args:
+        manifest: Task and control stack.
+        controller: Controller of the policy's actions.
+        speed_scale: Speed of the policy's clock.
+    """
 
-def _inputs(
-    manifest: Manifest,
-    measured: dict[str, float],
-    last_width: float | None,
-    controller: PolicyController,
-    last_action: Array,
-    *,
-    speed_scale: float,
-) -> ObservationInputs:
-    """Return the inputs of the observation, one row, with speeds in the policy's time."""
-    q, target = read_keys(measured)[None], controller.target[None]
-    width = measured[GRIPPER_KEY]
-    T_wt, T_wt_target = tool_pose(manifest.robot, np.concatenate([q, target]))
-    return ObservationInputs(
-        q=q,
-        dq=read_keys(measured, SPEED_KEYS)[None] / speed_scale,
-        target=target,
-        T_wt=T_wt[None],
-        T_wt_target=T_wt_target[None],
-        gripper=controller.gripper._replace(since_s=controller.gripper.since_s * speed_scale),
-        gripper_width=np.array([width]),
-        last_gripper_width=np.array([width if last_width is None else last_width]),
-        pending_actions=controller.pending_actions[None],
-        last_action=last_action[None],
-    )
+    def __init__(
+        self, manifest: Manifest, controller: PolicyController, speed_scale: float
+    ) -> None:
+        self.last_action: Array = np.zeros(manifest.action.size)
+        """Action of the last control step."""
+        self._robot = manifest.robot
+        self._controller = controller
+        self._speed_scale = speed_scale
+        self._last_width: float | None = None
+        constants = observation_params(
+            manifest.control, manifest.task, manifest.object, manifest.placement
+        )
+        self._constants = constants._replace(step_s=constants.step_s * speed_scale)
+
+    def observe(
+        self, measured: dict[str, float], estimate: Estimate, time_left: float
+    ) -> tuple[ObservationInputs, Array]:
+        """Return the inputs of the observation and the observation (1, size) of a control step.
+
+        Args:
+            measured: Measurements of the robot.
+            estimate: State of the object, in the policy's time.
+            time_left: Share of the episode that is left.
+        """
+        inputs = self._inputs(measured)
+        self._last_width = measured[GRIPPER_KEY]
+        force = read_keys(measured, FORCE_KEYS)[None]
+        return inputs, observation(inputs, estimate, force, time_left, self._constants)
+
+    def _inputs(self, measured: dict[str, float]) -> ObservationInputs:
+        """Return the inputs of the observation, one row, with speeds in the policy's time."""
+        controller, scale = self._controller, self._speed_scale
+        q, target = read_keys(measured)[None], controller.target[None]
+        width = measured[GRIPPER_KEY]
+        T_wt, T_wt_target = tool_pose(self._robot, np.concatenate([q, target]))
+        return ObservationInputs(
+            q=q,
+            dq=read_keys(measured, SPEED_KEYS)[None] / scale,
+            target=target,
+            T_wt=T_wt[None],
+            T_wt_target=T_wt_target[None],
+            gripper=controller.gripper._replace(since_s=controller.gripper.since_s * scale),
+            gripper_width=np.array([width]),
+            last_gripper_width=np.array([width if self._last_width is None else self._last_width]),
+            pending_actions=controller.pending_actions[None],
+            last_action=self.last_action[None],
+        )
 
 
 def _policy_time(estimate: Estimate, speed_scale: float) -> Estimate:
