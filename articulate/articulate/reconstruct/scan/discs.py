@@ -70,7 +70,7 @@ def find_discs(parts: Segmentation, axis: int, sizes: tuple[float, float] = SIZE
     found: list[Disc] = []
     for k in sorted(np.flatnonzero(likely), key=lambda k: (-larger[k], k)):
         points = parts.mesh.triangles[parts.shells.members[k]].reshape(-1, 3)[:, across]
-        if not _is_round(points):
+        if not is_round(points):
             continue
         centre = boxes[k].mean(axis=0)
         if any(_is_concentric(centre, disc, across) for disc in found):
@@ -85,7 +85,8 @@ def find_discs(parts: Segmentation, axis: int, sizes: tuple[float, float] = SIZE
     return found
 
 
-def _is_round(points: Array) -> bool:
+def is_round(points: Array) -> bool:
+    """Return whether the outline of points (N, 2) is that of a disc."""
     hull = cv2.convexHull(points.astype(np.float32)).reshape(-1, 2)
     if len(hull) < 6:
         return False
@@ -246,7 +247,7 @@ def _wheel_axis(points: Array) -> Array | None:
         sides = np.ptp(outline, axis=0)
         thick = float(np.ptp(flat @ across))
         square = sides.min() > SQUARE * sides.max()
-        if square and thick < 0.8 * sides.max() and _is_round(outline):
+        if square and thick < 0.8 * sides.max() and is_round(outline):
             return np.array([across[0], across[1], 0.0])
     return None
 

@@ -96,7 +96,7 @@ def _frame(parts: Segmentation, pane: Panel, others: Sequence[Panel]) -> list[Pa
     found = [left, right, bottom, top]
     if any(abs(board.front - pane.front) > FRAME_STEP * parts.mesh.diagonal for board in found):
         return None
-    if sum(len(board.handles) > 0 for board in found) > 1:
+    if _handle_count(found, near) > 1:
         return None  # doors and drawers around another one
     rects = np.stack([panel.rect for panel in [pane, *found]])
     union = np.concatenate([rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)])
@@ -105,6 +105,19 @@ def _frame(parts: Segmentation, pane: Panel, others: Sequence[Panel]) -> list[Pa
     tiled = float((rects[:, 2:] - rects[:, :2]).prod(axis=1).sum())
     full = float(np.prod(union[2:] - union[:2]))
     return found if (stiles or rails) and tiled > 0.9 * full else None
+
+
+def _handle_count(boards: Sequence[Panel], near: float) -> int:
+    """Return the number of boards with handles; one of a stile may end on the rails."""
+    rects = [[handle.rect for handle in board.handles] for board in boards if board.handles]
+    first = rects[0] if rects else []
+    return len(rects[:1]) + sum(
+        not any(_touch(one, other, near) for one in own for other in first) for own in rects[1:]
+    )
+
+
+def _touch(one: Array, other: Array, near: float) -> bool:
+    return bool((one[:2] < other[2:] + near).all() and (other[:2] < one[2:] + near).all())
 
 
 def _beside(

@@ -61,6 +61,8 @@ PLAIN = 0.5
 """Weight of panels without handles and of knobs, and of a side that one panel covers."""
 FILE_FRONT = 1.25
 """Weight of the front by the convention of the file."""
+IMPLIES_FRONT = frozenset({"Switch", "Toilet"})
+"""Categories of which parts are found from the front alone."""
 EDGE = 0.25
 """Sides that are narrower than this share of depth and height are not the front."""
 TOY_M = 0.25
@@ -198,6 +200,9 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
         if hints.front == "auto" and mesh.size[1] < EDGE * min(mesh.size[0], mesh.size[2]):
             continue  # the edge of a room door or window
         found = propose_parts(mesh, counts, smooth=scan.smooth)
+        if found.category in IMPLIES_FRONT:
+            best = (1.0, front, found)
+            break
         score = _front_score(found.parts)
         if front == TURNS[0]:
             score *= FILE_FRONT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,9 @@ from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.slabs import slab_parts
 from articulate.reconstruct.scan.sliding import with_sliding
+from articulate.reconstruct.scan.toilets import toilet_parts
 from articulate.reconstruct.scan.vessels import vessel_parts
+from articulate.reconstruct.scan.wall_plates import switch_parts
 
 TALL = 1.2
 """Containers with a lid that are higher than this multiple of their width are bins."""
@@ -86,20 +88,42 @@ def propose_parts(
     return found
 
 
-def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
-    faucet = faucet_parts(parts)
-    if faucet:
-        return FoundParts(parts=tuple(faucet), category="Faucet")
+def _of_category(parts: Segmentation) -> FoundParts | None:
+    """Return the parts of a rule that implies the category; None if none applies."""
+    for category, rule in _RULES.items():
+        found = rule(parts)
+        if found:
+            return FoundParts(parts=tuple(found), category=category)
     slabs = slab_parts(parts)
     if slabs:
         category = "Laptop" if slabs[0].kind == "screen" else "Box"
         return FoundParts(parts=tuple(slabs), category=category)
     vessel = vessel_parts(parts)
     if vessel:
-        slender = parts.mesh.size[2] > parts.mesh.size[:2].max() * TALL
-        category = "Bottle" if slender else "KitchenPot"
-        category = "Bucket" if vessel[0].kind == "handle" else category
-        return FoundParts(parts=tuple(vessel), category=category)
+        return FoundParts(parts=tuple(vessel), category=_vessel_category(parts, vessel[0]))
+    return None
+
+
+_RULES: Mapping[str, Callable[[Segmentation], list[PartProposal]]] = {
+    "Switch": switch_parts,
+    "Faucet": faucet_parts,
+    "Toilet": toilet_parts,
+}
+
+
+def _vessel_category(parts: Segmentation, part: PartProposal) -> str:
+    height, width = float(parts.mesh.size[2]), float(parts.mesh.size[:2].max())
+    if part.kind == "handle":
+        return "Bucket"
+    if part.joint == "revolute":
+        return "TrashCan" if height > width else "unknown"
+    return "Bottle" if height > TALL * width else "KitchenPot"
+
+
+def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
+    known = _of_category(parts)
+    if known is not None:
+        return known
     ajar = ajar_door(parts)
     if ajar:
         return FoundParts(parts=tuple(with_details(parts, ajar)))
@@ -107,8 +131,8 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
     fronts, sure = moving_fronts(parts, every_front)
     if smooth:
         divided = parts_by_handles(parts)
-        known = [front for front in fronts if sure and not _is_entire(parts, front)]
-        if len(divided) > len(known):
+        certain = [front for front in fronts if sure and not _is_entire(parts, front)]
+        if len(divided) > len(certain):
             return FoundParts(parts=tuple(divided))
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
@@ -171,7 +195,9 @@ def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartPro
     for proposal in found:
         covered[proposal.faces] = True
     turning = turning_handles(parts, found)
-    details = [*turning, *_clear_of(knobs(parts, covered, found), turning), *wheels(parts)]
+    rolling = wheels(parts)
+    dials = _clear_of(knobs(parts, covered, found), [*turning, *rolling])
+    details = [*turning, *dials, *rolling]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
     left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
     return [p for p in [*left, *details] if len(p.faces)]

@@ -23,6 +23,8 @@ UPPER_SHARE = 0.02
 """Area that may be outside a slab."""
 BASE_HEIGHT = 0.35
 """Largest height of the base of a laptop, as a share of its depth."""
+LEAST_BASE = 0.4
+"""Least depth of the base, as a share of the length of the slab: less is a room door."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +100,7 @@ def _slab(parts: Segmentation, upper: Ints) -> Slab | None:
     if len(rest) < 1:
         return None
     other = mesh.triangles[rest].reshape(-1, 3)
-    if np.ptp(other[:, 0]) < 1.5 * (high - low):
+    if np.ptp(other[:, 0]) < max(1.5 * (high - low), LEAST_BASE * reach):
         return None
     tall = float(np.ptp(other[:, 2])) / max(float(np.ptp(other[:, 0])), 1e-12)
     return Slab(faces=faces, normal=normal, foot=at, reach=reach, base_height=tall)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation, touching
 from articulate.transforms import Array, Ints
 
@@ -37,6 +37,9 @@ SHALLOW = 0.08
 """A cap that is lower than this share of the body continues to the ring below it."""
 LEAST_LID = 0.004
 """Least area of a lid, as a share of the object."""
+BEYOND, HINGE = (0.85, 1.25), 0.1
+"""Distances of the shells of a hinge from the axis, as shares of the radius of the body; their
+least height below the lid, as a share of the height of the body."""
 BAIL_WIDTH = 0.8
 """Least width of a bail, as a share of the width of the body."""
 BAIL_WIDEST = 1.6
@@ -214,6 +217,9 @@ def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
         share = float(mesh.areas[faces].sum() / mesh.areas.sum()) if len(faces) else 0.0
         if not LEAST_LID < share < most:
             continue
+        hinge = _hinge(parts, vessel, faces)
+        if hinge is not None:
+            return hinge
         corners = mesh.triangles[faces].reshape(-1, 3)
         return PartProposal(
             kind="lid",
@@ -226,6 +232,49 @@ def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
             evidence=("a centred part above a round body",),
         )
     return None
+
+
+def _hinge(parts: Segmentation, vessel: Vessel, lid: Ints) -> PartProposal | None:
+    """Return the lid with a hinge: short shells of lid and body at the rim, one on the other.
+
+    The ears of a pot are on two sides, and its handle is longer.
+    """
+    mesh, boxes = parts.mesh, parts.shells.boxes
+    radius = 0.5 * np.ptp(vessel.box[:, :2], axis=0)
+    offset = (boxes.mean(axis=1) - vessel.centre)[:, :2] / radius
+    far = np.linalg.norm(offset, axis=1)
+    top, near = float(mesh.triangles[lid][..., 2].min()), 2.0 * parts.near
+    above = boxes[:, 0, 2] > top - near
+    short = (far > BEYOND[0]) & (far < BEYOND[1])
+    upper = np.flatnonzero(short & above)
+    small = np.ptp(boxes[..., 2], axis=1) < LOW * vessel.height
+    near_rim = boxes[:, 1, 2] > top - HINGE * vessel.height
+    lower = np.flatnonzero(short & small & ~above & near_rim)
+    pairs = [
+        (offset[u], boxes[u])
+        for u in upper
+        for b in lower
+        if (boxes[u, 0] < boxes[b, 1] + near).all() and (boxes[b, 0] < boxes[u, 1] + near).all()
+    ]
+    if not pairs:
+        return None
+    middle = np.mean([offset for offset, _ in pairs], axis=0)
+    if np.linalg.norm(middle) < BEYOND[0]:  # on two sides
+        return None
+    axis = int(np.argmax(np.abs(middle)))
+    outward = np.sign(middle[axis]) * np.eye(3)[axis]
+    pivot = vessel.centre + outward * radius[axis]
+    pivot[2] = top
+    return PartProposal(
+        kind="lid",
+        faces=np.union1d(lid, parts.faces_of(parts.shells, np.flatnonzero(above))),
+        joint="revolute",
+        axis=np.cross([0.0, 0.0, 1.0], outward),
+        pivot=pivot,
+        upper=QUARTER_RAD,
+        confidence=0.7,
+        evidence=("a hinge at the rim of a round body",),
+    )
 
 
 def _above_body(parts: Segmentation, vessel: Vessel) -> Ints:

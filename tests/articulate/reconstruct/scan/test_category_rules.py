@@ -1,0 +1,142 @@
+"""Rules that imply the category: toilets, wall plates, round bins with a hinge; framed doors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from tests.articulate.reconstruct.scan.scan_objects import box, carcass, merged, overlap, write
+
+from articulate.reconstruct.scan.make_scan import find_parts
+from articulate.reconstruct.scan.propose import propose_parts
+from articulate.reconstruct.scan.read_scan import ScanHints, read_scan
+
+
+def plate(z, length=0.45, width=0.36, thickness=0.02):
+    """A board at height ``z`` whose front end is half an ellipse."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 24)
+    front = np.c_[0.5 * length * np.cos(angle) + 0.25 * length, 0.5 * width * np.sin(angle)]
+    outline = np.vstack([front, [(0.0, width / 2), (0.0, -width / 2)]])
+    polygon = trimesh.path.polygons.Polygon(outline)
+    board = trimesh.creation.extrude_polygon(polygon, thickness)
+    board.apply_translation((0.2, 0.0, z))
+    return board
+
+
+def toilet():
+    bowl = plate(0.0, 0.45, 0.34, 0.4)
+    tank = box((0, -0.2, 0.35), (0.18, 0.2, 0.8))
+    return [bowl, tank], [[plate(0.43)], [plate(0.405)]]
+
+
+def cylinder(radius, low, high):
+    made = trimesh.creation.cylinder(radius, high - low, sections=48)
+    made.apply_translation((0, 0, 0.5 * (low + high)))
+    return made
+
+
+def bin_with_lid(*ears):
+    """A round bin; ``ears`` are directions in which body and lid have a short block at the rim."""
+    body, lid = [cylinder(0.15, 0.0, 0.4)], [cylinder(0.15, 0.401, 0.43)]
+    for x, y in ears:
+        low, high = np.minimum((0.15 * x, 0.15 * y), (0.17 * x, 0.17 * y)), None
+        high = np.maximum((0.15 * x, 0.15 * y), (0.17 * x, 0.17 * y)) + 0.02 * abs(
+            np.array([y, x], dtype=float)
+        )
+        low = low - 0.02 * abs(np.array([y, x], dtype=float))
+        body.append(box((*low, 0.36), (*high, 0.4)))
+        lid.append(box((*low, 0.401), (*high, 0.43)))
+    return body, [lid]
+
+
+def wall_plate(*switches):
+    return [box((0, -0.04, 0), (0.008, 0.04, 0.12))], [[one] for one in switches]
+
+
+@pytest.mark.parametrize("quarter", range(4))
+def test_lid_and_seat_of_a_toilet_turn_about_the_edge_at_the_tank(quarter, tmp_path):
+    mesh, label = merged(*toilet())
+    c, s = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+    write(mesh.transformed(turn, 1.0, np.zeros(3)), tmp_path / "scan.glb")
+    scan, found = find_parts(read_scan(tmp_path / "scan.glb", ScanHints()), ScanHints())
+    assert [part.kind for part in found] == ["lid", "part"]
+    assert scan.category == "Toilet"
+    for part in found:
+        np.testing.assert_allclose(part.axis, (0, -1, 0))
+        corners = scan.mesh.triangles[part.faces].reshape(-1, 3)
+        np.testing.assert_allclose(part.pivot[0], corners[:, 0].min())
+        motion = np.cross(part.axis, corners.mean(axis=0) - part.pivot)
+        assert motion[2] > 0.0  # up
+    mesh, label = merged(*toilet())
+    own = [overlap(mesh, part.faces, label, k) for k, part in enumerate(propose_parts(mesh).parts)]
+    assert min(own) > 0.99
+
+
+def test_a_stool_without_a_tank_has_no_lid():
+    (bowl, _), plates = toilet()
+    mesh, _ = merged([bowl], plates)
+    assert propose_parts(mesh).category != "Toilet"
+
+
+@pytest.mark.parametrize("ear", [(-1, 0), (1, 0), (0, 1), (0, -1)])
+def test_a_lid_with_a_hinge_at_the_rim_turns_about_it(ear):
+    mesh, label = merged(*bin_with_lid(ear))
+    found = propose_parts(mesh)
+    (lid,) = found.parts
+    assert (lid.kind, lid.joint, found.category) == ("lid", "revolute", "TrashCan")
+    assert overlap(mesh, lid.faces, label, 0) > 0.99
+    np.testing.assert_allclose(lid.pivot, (0.15 * ear[0], 0.15 * ear[1], 0.401), atol=1e-3)
+    assert np.cross(lid.axis, (0, 0, 0.43) - lid.pivot)[2] > 0.0  # the middle goes up
+
+
+def test_the_ears_of_a_pot_are_no_hinge():
+    for ears in [(), ((-1, 0), (1, 0))]:
+        mesh, _ = merged(*bin_with_lid(*ears))
+        (lid,) = propose_parts(mesh).parts
+        assert lid.joint == "prismatic"
+
+
+def test_a_dial_turns_about_the_normal_of_the_plate_and_toggles_about_a_level_axis():
+    dial = trimesh.creation.cylinder(0.02, 0.02, sections=48)
+    dial.apply_transform(trimesh.geometry.align_vectors((0, 0, 1), (1, 0, 0)))
+    dial.apply_translation((0.018, 0.0, 0.06))
+    mesh, label = merged(*wall_plate(dial))
+    found = propose_parts(mesh)
+    assert found.category == "Switch"
+    assert [(part.kind, part.joint) for part in found.parts] == [("knob", "continuous")]
+    np.testing.assert_allclose(found.parts[0].axis, (1, 0, 0))
+    toggles = [box((0.008, y - 0.006, 0.05), (0.02, y + 0.006, 0.07)) for y in (-0.018, 0.018)]
+    mesh, label = merged(*wall_plate(*toggles))
+    found = propose_parts(mesh)
+    assert [(part.kind, part.joint) for part in found.parts] == [("switch", "revolute")] * 2
+    np.testing.assert_allclose(found.parts[0].axis, (0, -1, 0))
+    own = [max(overlap(mesh, part.faces, label, k) for part in found.parts) for k in (0, 1)]
+    assert min(own) > 0.99
+
+
+def test_a_handle_at_the_edge_of_a_board_is_no_switch():
+    mesh, _ = merged(*wall_plate(box((0.008, 0.025, 0.05), (0.03, 0.035, 0.07))))
+    assert propose_parts(mesh).category != "Switch"
+
+
+def test_a_handle_that_ends_on_the_rails_belongs_to_one_framed_door():
+    rails = [box((0.5, -0.39, z), (0.53, 0.39, z + 0.1)) for z in (0.03, 0.77)]
+    stiles = [box((0.5, y, 0.13), (0.53, y + 0.1, 0.77)) for y in (-0.39, 0.29)]
+    pane = box((0.505, -0.29, 0.13), (0.515, 0.29, 0.77))
+    bar = box((0.55, 0.33, 0.1), (0.57, 0.35, 0.8))
+    posts = [box((0.53, 0.33, z), (0.55, 0.35, z + 0.02)) for z in (0.1, 0.78)]
+    mesh, label = merged(carcass(), [[*rails, *stiles, pane, bar, *posts]])
+    (door,) = propose_parts(mesh).parts
+    assert (door.kind, door.joint) == ("door", "revolute")
+    assert overlap(mesh, door.faces, label, 0) > 0.9
+    assert door.pivot[1] < -0.3
+
+
+@pytest.mark.parametrize(("depth", "is_screen"), [(0.1, False), (0.6, True)])
+def test_a_slab_above_a_shallow_base_is_no_screen(depth, is_screen):
+    base = box((0, -0.4, 0), (depth, 0.4, 0.2))
+    slab = box((0, -0.4, 0.201), (0.02, 0.4, 0.8))
+    mesh, _ = merged([base], [[slab]])
+    found = propose_parts(mesh).parts
+    assert ("a thin slab above a flat base" in [p.evidence[0] for p in found]) == is_screen
