@@ -4,9 +4,11 @@ python benchmarks/scans.py --data data --half development --limit 60
 python benchmarks/scans.py --kitchen kitchen_cc_by/assets --half development --make
 python benchmarks/scans.py --shells 10 --half development
 
-``--data`` holds ``assets.json`` and its objects, of which those of PartNet-Mobility are used;
-``--kitchen`` is the folder of kitchen-assets-cc-by; ``--shells`` fuses depth images of procedural
-objects to closed surfaces, seeds from 0 for development and from 1000 to publish. Each object is
+``--data`` holds ``assets.json`` and its objects, of which those of PartNet-Mobility are used, or
+with ``--others`` the URDFs of all other data sets;
+``--kitchen`` is the folder of kitchen-assets-cc-by; ``--generated`` merges procedural objects
+of all categories, ``--shells`` fuses depth images of some to closed surfaces; their seeds begin at
+0 for development and at 1000 to publish. Each object is
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
 ``--view`` a rendered photo, or a video in which one joint is operated, by an unknown camera.
@@ -38,6 +40,7 @@ from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
 from articulate.errors import UsageError
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import ProceduralLibrary
+from articulate.library.procedural.categories import CATEGORIES
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest
@@ -206,17 +209,22 @@ def _is_right(joint: dict[str, Any], found: PartProposal, mesh: ScanMesh) -> boo
 
 def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
     """Yield the objects of the half, ordered by the SHA-256 of their id."""
-    if args.shells:
-        dataset: Dataset = LibraryDataset("procedural", ProceduralLibrary(2 * FIRST_PUBLISHED_SEED))
+    if args.shells or args.generated:
+        library = ProceduralLibrary(2 * FIRST_PUBLISHED_SEED)
+        categories = SHELLS if args.shells else sorted(CATEGORIES)
+        dataset: Dataset = LibraryDataset("procedural", library)
         first = 0 if args.half == "development" else FIRST_PUBLISHED_SEED
-        for k in range(args.skip, args.skip + args.shells):
-            category = SHELLS[k % len(SHELLS)]
-            yield dataset.load(f"{category}-{first + k // len(SHELLS):04d}")
+        for k in range(args.skip, args.skip + (args.shells or args.generated)):
+            category = categories[k % len(categories)]
+            yield dataset.load(f"{category}-{first + k // len(categories):04d}")
         return
     if args.kitchen is not None:
         for path in sorted(args.kitchen.rglob("*.urdf")):
             if half(path.stem) == args.half:
-                yield _kitchen_object(path)
+                yield _of_urdf(path, path.stem, path.stem)
+        return
+    if args.others:
+        yield from _others(args)
         return
     dataset = open_dataset(str(args.data / "assets.json"))
     ids = [i for i in dataset.ids() if i.startswith("partnet") and half(i) == args.half]
@@ -225,14 +233,26 @@ def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
         yield dataset.load(key)
 
 
-def _kitchen_object(path: Path) -> TrueObject:
+def _others(args: argparse.Namespace) -> Iterator[TrueObject]:
+    """Yield the objects of other data sets with movable joints."""
+    index = json.loads((args.data / "assets.json").read_text(encoding="utf-8"))["assets"]
+    found = {entry["id"]: entry for entry in index if entry["format"] == "urdf"}
+    ids = [i for i in found if not i.startswith("partnet") and half(i) == args.half]
+    ids.sort(key=lambda i: hashlib.sha256(i.encode()).hexdigest())
+    for key in ids[args.skip : args.skip + args.limit]:
+        truth = _of_urdf(args.data / found[key]["path"], key, found[key]["category"])
+        if truth.joints:
+            yield truth
+
+
+def _of_urdf(path: Path, object_id: str, category: str) -> TrueObject:
     """Read a URDF in metres with its own joints as the truth."""
     source = read_urdf(path)
     return true_object(
         source,
         joints_in_urdf(source),
-        object_id=path.stem,
-        category=path.stem,
+        object_id=object_id,
+        category=category,
         labels={},
         in_metres=False,
     )
@@ -354,6 +374,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--data", type=Path, help="folder with assets.json")
     parser.add_argument("--kitchen", type=Path, help="folder of kitchen-assets-cc-by")
+    parser.add_argument("--others", action="store_true", help="objects of other data sets")
+    parser.add_argument("--generated", type=int, default=0, help="number of procedural objects")
     parser.add_argument("--shells", type=int, default=0, help="number of closed shells")
     parser.add_argument(
         "--half",
@@ -370,8 +392,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)
-    if sum((args.data is not None, args.kitchen is not None, args.shells > 0)) != 1:
-        parser.error("give one of --data, --kitchen and --shells")
+    given = (args.data is not None, args.kitchen is not None, args.shells > 0, args.generated > 0)
+    if sum(given) != 1:
+        parser.error("give one of --data, --kitchen, --generated and --shells")
     rows = []
     for truth in objects(args):
         with tempfile.TemporaryDirectory() as folder:

@@ -136,6 +136,10 @@ def _with_backing(parts: Segmentation, panel: Panel) -> Panel:
     same &= (sides[:, 0] < THIN * mesh.size[0]) & (boxes[:, 1, 0] < panel.front + parts.near)
     same &= boxes[:, 1, 0] > panel.front - BEHIND * mesh.diagonal
     same[np.unique(parts.shells.label[panel.own])] = False
+    outline = mesh.bounds[:, 1:].ravel()
+    if (np.abs(panel.rect - outline) < parts.near).sum() <= 2:  # a door frame behind its door
+        flat = boxes[..., 1:].reshape(-1, 4)
+        same &= (np.abs(flat - outline) < parts.near).sum(axis=1) <= 2
     which = np.flatnonzero(same)
     if not len(which) or not panel.thin:
         return panel

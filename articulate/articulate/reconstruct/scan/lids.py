@@ -15,6 +15,9 @@ LID_HEIGHT = (0.015, 0.45)
 """Height of a lid, as a share of the height of the object."""
 LID_BOTTOM = 0.5
 """Least height of the lower side of a lid, as a share of the height of the object."""
+COVERED, GAP = "a cover on top of a container", "a level gap through a container"
+LEAST_GAP = 0.002
+"""Least height of a gap below a lid, as a share of the height of the object."""
 WALL = 0.35
 """Least share of each side of a container that is closed."""
 MARGIN = 0.15
@@ -41,16 +44,42 @@ HANDLE_REACH = 0.12
 
 def closed_lid(parts: Segmentation) -> list[PartProposal]:
     """Propose the shells on top of a container as its lid, hinged at the back."""
-    mesh, cells = parts.mesh, parts.shells
-    boxes, size, low = cells.boxes, mesh.size, mesh.bounds[0]
+    bottom = _cover_bottom(parts)
+    return [] if bottom is None else _lid_above(parts, bottom, COVERED)
+
+
+def lid_above_gap(parts: Segmentation) -> list[PartProposal]:
+    """Propose all shells above a level gap through a closed container as its lid."""
+    boxes, low, size = parts.shells.boxes, parts.mesh.bounds[0], parts.mesh.size
+    order = np.argsort(boxes[:, 0, 2], kind="stable")
+    bottoms, tops = boxes[order, 0, 2], np.maximum.accumulate(boxes[order, 1, 2])
+    gaps = np.flatnonzero(bottoms[1:] - tops[:-1] > LEAST_GAP * size[2])
+    for k in gaps:
+        bottom, upper = float(bottoms[k + 1]), boxes[order[k + 1 :]]
+        share = (low[2] + size[2] - bottom) / size[2]
+        sides = upper[:, 1].max(axis=0) - upper[:, 0].min(axis=0)
+        if LID_HEIGHT[0] < share < LID_HEIGHT[1] and (sides[:2] > COVER * size[:2]).all():
+            found = _lid_above(parts, bottom, GAP)
+            if found:
+                return found
+    return []
+
+
+def _cover_bottom(parts: Segmentation) -> float | None:
+    """Return the lower end of a shell that covers the object [m]; None without one."""
+    mesh, boxes = parts.mesh, parts.shells.boxes
+    size, low = mesh.size, mesh.bounds[0]
     sides = np.ptp(boxes, axis=1)
     likely = (sides[:, 0] > COVER * size[0]) & (sides[:, 1] > COVER * size[1])
     likely &= (sides[:, 2] > LID_HEIGHT[0] * size[2]) & (sides[:, 2] < LID_HEIGHT[1] * size[2])
     likely &= boxes[:, 0, 2] > low[2] + LID_BOTTOM * size[2]
-    if not likely.any():
-        return []
-    bottom = float(boxes[likely, 0, 2].min())
-    above = np.flatnonzero(boxes[:, 0, 2] > bottom - parts.near)
+    return float(boxes[likely, 0, 2].min()) if likely.any() else None
+
+
+def _lid_above(parts: Segmentation, bottom: float, evidence: str) -> list[PartProposal]:
+    """Propose the shells above a height as the lid of a closed container."""
+    mesh, cells = parts.mesh, parts.shells
+    above = np.flatnonzero(cells.boxes[:, 0, 2] > bottom - parts.near)
     faces = parts.faces_of(cells, above)
     rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     if not len(rest) or not _is_container(parts, rest, bottom) or not _is_closed(parts, bottom):
@@ -66,7 +95,7 @@ def closed_lid(parts: Segmentation) -> list[PartProposal]:
             pivot=pivot,
             upper=QUARTER_RAD,
             confidence=0.55,
-            evidence=("a cover on top of a container",),
+            evidence=(evidence,),
             hollow=True,
         )
     ]

@@ -12,7 +12,7 @@ from articulate.reconstruct.scan.door_handles import turning_handles
 from articulate.reconstruct.scan.faucets import faucet_parts
 from articulate.reconstruct.scan.fronts import Front, all_fronts, front_parts, moving_fronts
 from articulate.reconstruct.scan.handle_layout import parts_by_handles
-from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
+from articulate.reconstruct.scan.lids import ajar_door, closed_lid, lid_above_gap, open_flaps
 from articulate.reconstruct.scan.panels import ENTIRE
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
@@ -120,6 +120,10 @@ def _vessel_category(parts: Segmentation, part: PartProposal) -> str:
     return "Bottle" if height > TALL * width else "KitchenPot"
 
 
+def _lid_category(parts: Segmentation) -> str:
+    return "TrashCan" if parts.mesh.size[2] > TALL * parts.mesh.size[:2].max() else "Box"
+
+
 def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
     known = _of_category(parts)
     if known is not None:
@@ -139,15 +143,16 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
         beside = [front for front in fronts if len(front.tray)]
         found = [*porthole, *_clear_of(front_parts(parts, beside), porthole)]
         return FoundParts(parts=tuple(with_details(parts, found)))
+    lid = [] if sure else lid_above_gap(parts)
+    if lid:
+        return FoundParts(parts=tuple(with_details(parts, lid)), category=_lid_category(parts))
     if not sure and len(fronts) < 2:
         flaps = open_flaps(parts)
         if flaps:
             return FoundParts(parts=tuple(with_details(parts, flaps)), category="Box")
         lid = closed_lid(parts)
         if lid:
-            tall = parts.mesh.size[2] > TALL * parts.mesh.size[:2].max()
-            category = "TrashCan" if tall else "Box"
-            return FoundParts(parts=tuple(with_details(parts, lid)), category=category)
+            return FoundParts(parts=tuple(with_details(parts, lid)), category=_lid_category(parts))
     found = with_sliding(parts, front_parts(parts, fronts), every_front)
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]

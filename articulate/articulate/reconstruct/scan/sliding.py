@@ -17,8 +17,10 @@ EQUAL = 0.25
 """Largest difference of the sides of the two panels, as a share."""
 LAPPED, APART = 0.3, 0.1
 """Largest overlap of the panels and largest gap between them, as shares of a side."""
-PLANES = (0.01, 0.25)
+PLANES = (0.004, 0.25)
 """Distance of the two planes, as a share of the diagonal of the object."""
+BEHIND = 0.8
+"""Least distance of the two planes, as a share of the thickness of the front panel."""
 THIN = 0.15
 """Largest depth of a window, as a share of its diagonal."""
 TRAVEL = 0.8
@@ -43,10 +45,13 @@ def _slid(parts: Segmentation, door: PartProposal, panels: Sequence[Panel]) -> P
     kinds = {"door", "flap", "drawer"} if thin else {"door", "flap"}
     if door.kind not in kinds or door.panel is None:
         return door
+    own = next((panel for panel in panels if (panel.rect == door.panel).all()), None)
     for panel in panels:
+        ahead = panel if own is None or panel.front > own.front else own
         apart = abs(panel.front - door.front) / parts.mesh.diagonal
         axis = _axis_past(door.panel, panel.rect)
-        if axis is not None and PLANES[0] < apart < PLANES[1]:
+        clear = abs(panel.front - door.front) > BEHIND * (ahead.front - ahead.back)
+        if axis is not None and clear and PLANES[0] < apart < PLANES[1]:
             side = float(np.abs((door.panel[2:] - door.panel[:2]) @ axis[1:]))
             return replace(
                 door,

@@ -69,6 +69,8 @@ REMOVABLE: Mapping[str, frozenset[str]] = {
     "bucket": frozenset(),
 }
 """Kinds that are left out where the text excludes them; others are fixed."""
+NO_PEDAL = ("hamper", "basket")
+"""Words of nouns for bins without a pedal."""
 FINISH_FIELDS = ("finish", "wood", "cover", "seat")
 ROUND = frozenset({"trash_can", "bucket", "bottle", "kettle", "kitchen_pot"})
 FURNITURE_SURFACE = frozenset({"door", "box_with_lid", "table_with_drawers", "office_chair"})
@@ -381,6 +383,8 @@ def _wanted(description: Description) -> dict[str, int | None]:
     for option in description.options:
         if option.startswith("times_") and name == "switch":
             wanted.setdefault("lever", int(option[6:]))
+    if name == "trash_can" and any(word in description.noun for word in NO_PEDAL):
+        wanted.setdefault("pedal", 0)
     return wanted
 
 

@@ -1,4 +1,4 @@
-"""Rules that imply the category: toilets, wall plates, round bins with a hinge; framed doors."""
+"""Rules for toilets, wall plates, lids of bins and boxes; doors in frames."""
 
 from __future__ import annotations
 
@@ -140,3 +140,49 @@ def test_a_slab_above_a_shallow_base_is_no_screen(depth, is_screen):
     mesh, _ = merged([base], [[slab]])
     found = propose_parts(mesh).parts
     assert ("a thin slab above a flat base" in [p.evidence[0] for p in found]) == is_screen
+
+
+@pytest.mark.parametrize(("gap", "is_lid"), [(0.005, True), (0.0, False)])
+def test_all_that_is_above_a_level_gap_through_a_box_is_its_lid(gap, is_lid):
+    def ring(z0, z1):
+        walls = [box((x, -0.3, z0), (x + 0.02, 0.3, z1)) for x in (0.0, 0.38)]
+        return walls + [box((0.02, y, z0), (0.38, y + 0.02, z1)) for y in (-0.3, 0.28)]
+
+    body = [*ring(0.02, 0.25), box((0, -0.3, 0), (0.4, 0.3, 0.02))]
+    lid = [*ring(0.25 + gap, 0.33), box((0, -0.3, 0.33), (0.4, 0.3, 0.35))]
+    mesh, label = merged(body, [lid])
+    found = propose_parts(mesh).parts
+    whole = [part for part in found if overlap(mesh, part.faces, label, 0) > 0.99]
+    assert [part.kind for part in whole] == ["lid"] * is_lid
+    if is_lid:
+        np.testing.assert_allclose(whole[0].pivot, (0.0, 0.0, 0.255), atol=1e-9)
+
+
+def test_a_door_in_front_of_its_door_frame_is_one_part():
+    posts = [box((0.02, y, 0), (0.1, y + 0.05, 2.05)) for y in (-0.45, 0.4)]
+    outer, inner = [(-0.45, 0), (-0.45, 2.05), (0.45, 2.05), (0.45, 0)], [(0.4, 0), (0.4, 2.0)]
+    outline = [*outer, *inner, (-0.4, 2.0), (-0.4, 0)]
+    frame = trimesh.creation.extrude_polygon(trimesh.path.polygons.Polygon(outline), 0.02)
+    frame.vertices = frame.vertices[:, [2, 0, 1]]
+    leaf = [box((0.05, -0.395, 0.01), (0.09, 0.395, 1.99))]
+    knob = [box((0.09, 0.3, 0.95), (0.13, 0.34, 0.99))]
+    mesh, label = merged([frame, *posts], [[*leaf, *knob]])
+    door, *_ = propose_parts(mesh).parts
+    assert door.kind == "door"
+    assert overlap(mesh, door.faces, label, 0) > 0.9
+
+
+def test_tall_doors_in_planes_one_door_apart_slide():
+    board = [
+        box((0.56, -0.5, 0.05), (0.58, 0.02, 1.9)),
+        box((0.581, -0.02, 0.05), (0.601, 0.5, 1.9)),
+    ]
+    handles = [
+        box((0.58, -0.45, 0.9), (0.59, -0.43, 1.1)),
+        box((0.601, 0.43, 0.9), (0.611, 0.45, 1.1)),
+    ]
+    doors = [[one, handle] for one, handle in zip(board, handles, strict=True)]
+    mesh, _ = merged(carcass(1.04, 1.95, 0.55), doors)
+    found = propose_parts(mesh).parts
+    assert [part.joint for part in found] == ["prismatic"] * 2
+    assert sorted(float(part.axis[1]) for part in found) == [-1.0, 1.0]

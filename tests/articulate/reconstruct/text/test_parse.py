@@ -289,6 +289,12 @@ def test_household_nouns_are_understood(text, category, unknown):
     assert (found.category, found.unknown) == (category, unknown)
 
 
+@pytest.mark.parametrize(("noun", "moving"), [("hamper", {"lid"}), ("bin", {"lid", "pedal"})])
+def test_hampers_have_no_pedal(noun, moving):
+    parts = propose(f"a {noun} with a lid").parts
+    assert {part.name for part in parts if part.motion is not None} == moving
+
+
 def test_words_that_are_not_understood_make_the_object_doubtful():
     proposal = propose("a cabinet with two drawers and a wine rack")
     assert proposal.doubts == ("not understood: wine, rack",)
