@@ -392,8 +392,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)
-    given = (args.data is not None, args.kitchen is not None, args.shells > 0, args.generated > 0)
-    if sum(given) != 1:
+    sources = (args.data is not None, args.kitchen is not None, args.shells > 0, args.generated > 0)
+    if sum(sources) != 1:
         parser.error("give one of --data, --kitchen, --generated and --shells")
     rows = []
     for truth in objects(args):

@@ -152,10 +152,10 @@ def test_all_that_is_above_a_level_gap_through_a_box_is_its_lid(gap, is_lid):
     lid = [*ring(0.25 + gap, 0.33), box((0, -0.3, 0.33), (0.4, 0.3, 0.35))]
     mesh, label = merged(body, [lid])
     found = propose_parts(mesh).parts
-    whole = [part for part in found if overlap(mesh, part.faces, label, 0) > 0.99]
-    assert [part.kind for part in whole] == ["lid"] * is_lid
+    lids = [part for part in found if overlap(mesh, part.faces, label, 0) > 0.99]
+    assert [part.kind for part in lids] == ["lid"] * is_lid
     if is_lid:
-        np.testing.assert_allclose(whole[0].pivot, (0.0, 0.0, 0.255), atol=1e-9)
+        np.testing.assert_allclose(lids[0].pivot, (0.0, 0.0, 0.255), atol=1e-9)
 
 
 def test_a_door_in_front_of_its_door_frame_is_one_part():
