@@ -35,6 +35,7 @@ from articulate.reconstruct.link_meshes import (
     link_poses,
     merge_pieces,
 )
+from articulate.reconstruct.mesh_groups import groups_of
 from articulate.reconstruct.program.program_parts import (
     Parts,
     ProgramPart,
@@ -43,7 +44,6 @@ from articulate.reconstruct.program.program_parts import (
     parts_of,
     rgba_of,
 )
-from articulate.reconstruct.vertex_colours import groups_of
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, pose
 from articulate.untrusted import load_json_object

@@ -23,10 +23,10 @@ from articulate.conversion.metric_size import (
 from articulate.errors import AssetError, shorten
 from articulate.formats.load_meshes import GREY
 from articulate.formats.mesh_file import FORMATS, MAX_BYTES, READ_BYTES
+from articulate.reconstruct.mesh_groups import groups_of
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
-from articulate.reconstruct.vertex_colours import groups_of
 from articulate.transforms import Array, Ints
 from articulate.untrusted import memory_limit, read_bounded
 

@@ -117,6 +117,8 @@ OF_THING: dict[tuple[str, str], Role] = {
 }
 """Role of a part of a certain object."""
 
+POSITIONS = frozenset({"top", "back", "side"})
+"""Words after ``drawer`` or ``door`` that only state its place."""
 BODIES = ("body", "base", "frame", "housing", "carcass", "chassis", "cabinet")
 """Names of the part that all others move against, the most specific first."""
 SAME = {"cupboard": "furniture", "cabinet": "furniture", "chest": "furniture", "pan": "pot"}
@@ -148,6 +150,8 @@ def object_words_in(labels: Iterable[str], text: str) -> frozenset[str]:
 def role_of(label: str, object_words: Iterable[str]) -> Role:
     """Return the usual role of a part of this name in such an object, or ``unknown``."""
     words = words_of(label)
+    if words and words[-1] in POSITIONS and {"drawer", "door"} & {*words[:-1]}:
+        words.pop()
     for word in reversed(words):  # the last word names the part, earlier ones qualify it
         for thing in sorted(object_words):
             if (thing, word) in OF_THING:

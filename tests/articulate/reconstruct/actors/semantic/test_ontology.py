@@ -16,6 +16,8 @@ from articulate.reconstruct.actors.semantic.ontology import object_words_in, rol
         ("toggle button", "switch", "rocker"),
         ("lens", "camera", "spin"),
         ("drawers", "table", "drawer"),
+        ("drawerTop", "cabinet", "drawer"),
+        ("top", "box", "lid"),
         ("thingummy", "table", "unknown"),
         ("", "table", "unknown"),
     ],
