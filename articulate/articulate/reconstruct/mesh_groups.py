@@ -25,6 +25,9 @@ COLOURED = (".glb", ".gltf", ".ply")
 MOST_COLOURS = 32
 """A mesh with more colours keeps only the most frequent one."""
 
+PRIMITIVES = frozenset({"sphere", "disc"})
+"""Words for parts that are default names of shapes as well."""
+
 
 def groups_of(path: Path) -> list[Group]:
     """Read the groups of a mesh file by part and colour, each with the name of its part.
@@ -78,7 +81,7 @@ def _part_names(scene: trimesh.Scene, groups: Sequence[Group]) -> list[str]:
 
 def _telling(mesh: str, node: str) -> str:
     """Return the name of a mesh or of its node: the one with a word for a part."""
-    known = {*ROLES, *BODIES}
+    known = {*ROLES, *BODIES} - PRIMITIVES
     return node if not known & {*words_of(mesh)} and known & {*words_of(node)} else mesh
 
 

@@ -69,7 +69,7 @@ def test_a_mesh_that_is_placed_twice_is_two_parts(tmp_path):
 def test_the_name_of_the_node_counts_if_that_of_the_mesh_tells_nothing(tmp_path):
     def rename(document):
         for k, mesh in enumerate(document["meshes"]):
-            mesh["name"] = f"Cube.{k:03d}"
+            mesh["name"] = f"{('Cube', 'Sphere', 'Cube')[k]}.{k:03d}"
 
     content = scene_of(body=(0, 0, 0), Door_Left=(1, 0, 0), thing=(2, 0, 0))
     path = tmp_path / "cabinet.glb"

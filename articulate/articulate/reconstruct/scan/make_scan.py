@@ -62,7 +62,7 @@ PLAIN = 0.5
 FILE_FRONT = 1.25
 """Weight of the front by the convention of the file."""
 IMPLIES_FRONT = frozenset({"Switch", "Toilet"})
-"""Categories of which parts are found from the front alone."""
+"""Categories of which parts are found from their front only."""
 EDGE = 0.25
 """Sides that are narrower than this share of depth and height are not the front."""
 TOY_M = 0.25

@@ -356,6 +356,36 @@ def test_names_of_the_file_come_first(tmp_path):
     assert moving == {"doorLeft", "doorRight"}
 
 
+def moving_parts(folder, **parts):
+    """Return the parts that move in a scene of named meshes, and the type of their joints."""
+    scene = trimesh.Scene()
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    for name, pieces in parts.items():
+        mesh = trimesh.util.concatenate(pieces)
+        scene.add_geometry(mesh.apply_transform(turn), node_name=name, geom_name=name)
+    scene.export(folder / "thing.glb")
+    hints = ScanHints()
+    found = scan_parts(read_scan(folder / "thing.glb", hints), folder / "thing.glb", hints)
+    return {joint.part: joint.kind for joint in found.joints if joint.kind != "fixed"}
+
+
+def test_knobs_of_furniture_are_handles_and_those_of_room_doors_turn(tmp_path):
+    door = box((0.5, -0.38, 0.02), (0.52, 0.38, 0.55))
+    drawer = [
+        box((0.5, -0.38, 0.57), (0.52, 0.38, 0.88)),
+        box((0.05, -0.36, 0.6), (0.5, 0.36, 0.61)),
+    ]
+    knobs = [box((0.52, y, z), (0.54, y + 0.03, z + 0.03)) for y, z in ((0.3, 0.3), (0, 0.7))]
+    found = moving_parts(
+        tmp_path, corpus=carcass(), door=[door], drawer=drawer, knob=knobs[:1], knob_2=knobs[1:]
+    )
+    assert found == {"door": "revolute", "drawer": "prismatic"}
+    frame, ((leaf,), (knob,)) = room_door(*KNOB)
+    found = moving_parts(tmp_path, frame=frame, door=[leaf], knob=[knob])
+    assert found == {"door": "revolute", "knob": "continuous"}
+
+
 @pytest.mark.slow
 def test_a_cabinet_is_made_and_passes(tmp_path):
     mesh, _ = merged(*double_doors())

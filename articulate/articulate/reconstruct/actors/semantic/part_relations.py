@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,9 @@ CARRIER_ROLES = frozenset({"door", "flap", "lid", "drawer", "pane", "screen", "s
 """Roles of parts to which others are attached and with which they move."""
 CARRIER_SIZE_SHARE = 0.08
 """A carrier is attached to another only if its box is smaller than this share."""
+FURNITURE = frozenset({"furniture", "table", "desk", "wardrobe", "dresser", "sideboard"})
+APPLIANCES = frozenset({"oven", "stove", "dishwasher", "refrigerator", "fridge", "safe", "washing"})
+"""Objects whose knobs are handles, and objects whose knobs turn."""
 CLOSER_RATIO = 0.5
 """A part is attached to a carrier if its distance is below this share of that to the body."""
 
@@ -239,13 +242,25 @@ def build_labelled_scene(evidence: Evidence) -> LabelledScene:
     body = max(shapes.values(), key=_body_score)
     low, high = joint_bounds(evidence.parts)
     diagonal = max(float(np.linalg.norm(high - low)), 1e-9)
-    return LabelledScene(
+    scene = LabelledScene(
         shapes=shapes,
         body=body,
         object_words=object_words,
         middle=0.5 * (low + high),
         diagonal=diagonal,
     )
+    fixed = {shape.name: replace(shape, role="still") for shape in _furniture_knobs(scene)}
+    return replace(scene, shapes={**shapes, **fixed}) if fixed else scene
+
+
+def _furniture_knobs(scene: LabelledScene) -> list[PartShape]:
+    """Return the knobs of drawers, and those of doors of furniture: they are handles."""
+    knobs = [s for s in scene.shapes.values() if s.role == "spin" and "knob" in words_of(s.label)]
+    furniture = bool(scene.object_words & FURNITURE)
+    furniture |= any(shape.role == "drawer" for shape in scene.shapes.values())
+    furniture &= not scene.object_words & APPLIANCES
+    roles = {"drawer", "door", "flap"} if furniture else {"drawer"}
+    return [knob for knob in knobs if scene.parent_of(knob).role in roles]
 
 
 def _body_score(shape: PartShape) -> tuple[float, float]:
