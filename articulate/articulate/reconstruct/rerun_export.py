@@ -10,7 +10,7 @@ import numpy as np
 from articulate.errors import MissingError
 from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.result import MakeRecord
-from articulate.render.rerun_recording import rerun_pose, rerun_recording
+from articulate.render.rerun_recording import rerun_name, rerun_pose, rerun_recording
 from articulate.transforms import Ints, matrix_to_quat
 
 STEPS = 30
@@ -45,7 +45,7 @@ def write_recording(path: Path, record: MakeRecord) -> bool:
 
 
 def _entity(name: str) -> str:
-    return f"world/{name.replace('/', '_')}"
+    return f"world/{rerun_name(name)}"
 
 
 def _log_query(rerun: Any, stream: Any, record: MakeRecord) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from articulate.render.canvas import GEOM_GROUPS
-from articulate.render.rerun_recording import rerun_pose, rerun_recording
+from articulate.render.rerun_recording import rerun_name, rerun_pose, rerun_recording
 from articulate.render.viewer import open_viewer
 from articulate.simulator import mujoco
 from articulate.transforms import Array
@@ -71,7 +71,7 @@ def _visible_geoms(model: mujoco.MjModel) -> list[int]:
 
 
 def _name(model: mujoco.MjModel, body: int) -> str:
-    return model.body(body).name.replace("/", "_") or f"body_{body}"
+    return rerun_name(model.body(body).name) or f"body_{body}"
 
 
 def _log_geom(rerun: Any, stream: Any, model: mujoco.MjModel, i: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,6 +37,11 @@ def rerun_recording(path: Path) -> Iterator[tuple[Any, Any]]:
         yield rerun, stream
         stream.flush()
         stream.disconnect()
+
+
+def rerun_name(name: str) -> str:
+    """Return a name as one part of an entity path, without characters that need an escape."""
+    return re.sub(r"[^\w.-]", "_", name)
 
 
 def rerun_pose(rerun: Any, position: Array, quaternion: Array) -> Any:

@@ -10,6 +10,7 @@ from articulate.reconstruct.actors.protocol import PredictedJoint, Prediction, T
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.rerun_export import write_recording
 from articulate.render.parts import plain_part
+from articulate.render.rerun_recording import rerun_name
 
 DOOR = PredictedJoint(
     part="door", parent="body", kind="revolute", axis_o=(0.0, 0.0, 1.0), lower=0.0, upper=1.5
@@ -38,6 +39,10 @@ def test_without_rerun_there_is_no_recording(tmp_path, monkeypatch):
         tmp_path / "a.rrd", record(Query(modality="text", description="a door"))
     )
     assert not any(tmp_path.iterdir())
+
+
+def test_names_with_other_characters_are_parts_of_paths_without_escapes():
+    assert rerun_name("Mesh door/right.002") == "Mesh_door_right.002"
 
 
 def test_a_recording_holds_the_parts_the_clip_and_the_trace(tmp_path):

@@ -34,6 +34,10 @@ PARTS = frozenset(
     ]
 )
 """Words that are counted."""
+POSITIONS = frozenset(
+    ["left", "right", "top", "bottom", "upper", "lower", "middle", "centre", "center"]
+)
+"""Words after a part in its name that state its place."""
 BETWEEN = 3
 """Most words between a number and its part: "two small upper drawers"."""
 
@@ -61,7 +65,7 @@ def counts_in(text: str) -> dict[str, int]:
 
 def count_mismatch(text: str, labels: Iterable[str]) -> list[str]:
     """Describe each difference between the numbers in a text and the labelled parts."""
-    labelled = Counter(singular(label.split()[-1]) for label in labels if label)
+    labelled = Counter(_part_in(label) for label in labels if label)
     head = re.split(SEPARATOR, text.lower(), maxsplit=1)[0]
     itself = counts_in(re.sub(r"\b(?:one|single|1)\b", "", head))  # "a switch", not "one door"
     return [
@@ -70,6 +74,14 @@ def count_mismatch(text: str, labels: Iterable[str]) -> list[str]:
         if labelled[part] != number
         and not (labelled[part] == 0 and itself.get(part) == number == 1)
     ]
+
+
+def _part_in(label: str) -> str:
+    """Return the word for the part in a label: ``door`` in ``door right``."""
+    words = label.split()
+    while len(words) > 1 and words[-1] in POSITIONS:
+        words.pop()
+    return singular(words[-1])
 
 
 def singular(word: str) -> str:

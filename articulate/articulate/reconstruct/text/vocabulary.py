@@ -454,7 +454,7 @@ NO_EFFECT = word_set(
     elegant scandinavian industrial minimalist minimalistic nice beautiful pretty cheap
     expensive sturdy solid standard normal typical regular common ordinary usual familiar
     generic domestic household kitchen bathroom bedroom office living room garage home hotel
-    kids children school hallway laundry utility studio workshop classroom laboratory lab
+    kids children school gym hallway laundry utility studio workshop classroom laboratory lab
     garden hospital apartment house freestanding standing free built-in built integrated
     inbuilt upright mounted wall floor electric electrical gas induction automatic manual
     digital conventional combi convection front loading loader american european style

@@ -29,6 +29,7 @@ def test_only_parts_of_that_name_are_counted():
         "the text names 3 drawers, the parts include 2"
     ]
     assert len(count_mismatch("one door", labels)) == 1
+    assert count_mismatch("two doors", ["body", "mesh door left", "mesh door right"]) == []
 
 
 @pytest.mark.parametrize(
