@@ -10,6 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from articulate.checks.force import FORCE_N
 from articulate.conversion.write_asset import numbers, origin_element
 from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
@@ -20,9 +21,11 @@ from articulate.reconstruct.program.mass import inertial_of, scaled
 from articulate.reconstruct.program.materials import EFFORT, MATERIALS, VELOCITY
 from articulate.reconstruct.program.program_parts import Parts
 from articulate.reconstruct.program.result import ObjectJoint, ProgramObject
-from articulate.transforms import Array, inverse, pose, quat_to_matrix
+from articulate.transforms import Array, apply, inverse, pose, quat_to_matrix
 
 MoveKind = Literal["slide", "hinge", "fixed"]
+LIFTED, GRAVITY = 0.7, 9.81
+"""Share of the reference force that lifts a lid; acceleration of free fall [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,6 +193,34 @@ def _move_kind(joint: ObjectJoint | None) -> MoveKind:
     return "slide" if joint.kind == "prismatic" else "hinge"
 
 
+def _liftable_kg(
+    plans: Mapping[str, LinkPlan], own: Mapping[str, Inertial], first: LinkPlan, parts: Parts
+) -> float:
+    """Return the largest mass about a level hinge that a hand lifts at the far edge [kg].
+
+    Springs balance heavier doors that fall open and lids; programs do not describe them.
+    """
+    joint = first.joint
+    if joint is None or joint.axis_w is None or _move_kind(joint) != "hinge":
+        return np.inf
+    axis = np.asarray(joint.axis_w, dtype=np.float64) / np.linalg.norm(joint.axis_w)
+    total = sum(inertial.mass_kg for inertial in own.values())
+    weighted = [i.mass_kg * apply(plans[n].T_wl, i.com_p) for n, i in own.items()]
+    corners = [
+        apply(plans[n].T_wl @ plans[n].T_lp, np.asarray(piece.mesh.vertices))
+        for n in own
+        if n in parts
+        for piece in parts[n].pieces
+    ]
+
+    def distance(points: Array) -> Array:
+        return np.asarray(np.linalg.norm(np.cross(points - first.T_wl[:3, 3], axis), axis=-1))
+
+    lever = float(distance(sum(weighted, np.zeros(3)) / total)) * float(np.hypot(*axis[:2]))
+    reach = max((float(distance(points).max()) for points in corners), default=0.0)
+    return LIFTED * FORCE_N * reach / max(GRAVITY * lever, 1e-9)
+
+
 def _groups(plans: Mapping[str, LinkPlan]) -> dict[str, list[str]]:
     """Return groups of links that are fixed to each other, by each link."""
     groups: dict[str, list[str]] = {}
@@ -220,6 +251,8 @@ def _masses(
         low, high = MASS_KG[kind]
         total = sum(found[n].mass_kg for n in members if n in found)
         if total > 0.0:
+            own = {n: found[n] for n in members if n in found}
+            high = max(min(high, _liftable_kg(plans, own, plans[name], parts)), low)
             factor = float(np.clip(total, low, high)) / total
             found |= {n: scaled(found[n], factor) for n in members if n in found}
         elif kind != "fixed":  # a moving link without geometry: simulators need some mass

@@ -143,6 +143,17 @@ def test_a_moving_helper_without_geometry_has_some_mass(tmp_path):
     assert float(robot.joint_map["turn"].dynamics.damping) == 0.5
 
 
+@pytest.mark.parametrize("axis", [(0, 1, 0), (0, 0, 1)])
+def test_a_lid_is_no_heavier_than_a_hand_lifts_at_its_far_edge(axis, tmp_path):
+    parts = {"body": scenes.box((0.1, 0.1, 0.1)), "lid": scenes.box((0.8, 0.8, 0.4))}
+    source = f"root('body')\nrevolute('lid', 'body', {axis}, (-0.4, 0, 0), 0, 1.5)\n"
+    path = scenes.compiled(source, parts, tmp_path)
+    lid = yourdfpy.URDF.load(str(path), load_meshes=False).link_map["lid"]
+    liftable = 0.7 * 30.0 * np.hypot(0.8, 0.2) / (9.81 * 0.4)
+    expected = liftable if axis[1] else MASS_KG["hinge"][1]
+    assert float(lid.inertial.mass) == pytest.approx(expected, rel=1e-6)
+
+
 def test_names_of_parts_cannot_leave_their_attributes_or_folders(tmp_path):
     name = '../../a"><x>&'
     parts = parts_of({name: scenes.cabinet(), "door": scenes.box((0.1, 0.1, 0.1))})
