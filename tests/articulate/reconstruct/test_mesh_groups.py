@@ -50,7 +50,7 @@ def test_the_primitives_of_a_mesh_are_one_part(tmp_path):
     path = tmp_path / "cabinet.glb"
     path.write_bytes(edit_gltf(content, join))
     assert names_in(path) == ["body", "door", "door"]
-    colours = {name: set() for name in ("body", "door")}
+    colours: dict[str, set[object]] = {"body": set(), "door": set()}
     for name, _, colour in groups_of(path):
         colours[name].add(colour)
     assert len(colours["door"]) == 2
