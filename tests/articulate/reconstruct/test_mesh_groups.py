@@ -66,7 +66,7 @@ def test_a_mesh_that_is_placed_twice_is_two_parts(tmp_path):
     assert names_in(path) == ["body", "drawer", "drawer 2"]
 
 
-def test_the_name_of_the_node_counts_if_that_of_the_mesh_tells_nothing(tmp_path):
+def test_the_name_of_the_node_counts_if_that_of_the_mesh_has_no_word_for_a_part(tmp_path):
     def rename(document):
         for k, mesh in enumerate(document["meshes"]):
             mesh["name"] = f"{('Cube', 'Sphere', 'Cube')[k]}.{k:03d}"

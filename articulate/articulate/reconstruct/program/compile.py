@@ -196,7 +196,7 @@ def _move_kind(joint: ObjectJoint | None) -> MoveKind:
 def _liftable_kg(
     plans: Mapping[str, LinkPlan], own: Mapping[str, Inertial], first: LinkPlan, parts: Parts
 ) -> float:
-    """Return the largest mass about a level hinge that a hand lifts at the far edge [kg].
+    """Return the largest mass about a level hinge that the reference force lifts at the edge [kg].
 
     Springs balance heavier doors that fall open and lids; programs do not describe them.
     """
