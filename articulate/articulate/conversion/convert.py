@@ -44,7 +44,7 @@ from articulate.transforms import Array, inverse, matrix_to_quat
 
 MOST_NAMES = 6
 """At most this many links are named in one message."""
-VERSION = "31"
+VERSION = "30"
 """Part of every cache key; change it with anything that changes the files written."""
 
 

@@ -54,9 +54,8 @@ MAX_FRICTION = 0.5
 """Largest dry friction as a fraction of the applied effort."""
 MAX_WEIGHT = 0.8
 """Largest weight and dry friction together as a fraction of the applied effort."""
-MIN_MASS = 0.15
-"""A part whose mass is reduced keeps at least this fraction of it: thick parts of meshes are hollow
-in reality, and doors that fall open have springs."""
+MIN_MASS = 0.4
+"""A part whose mass is reduced keeps at least this fraction of it."""
 DIGITS = 4
 """Shortened limits are rounded inwards to this many decimals."""
 

@@ -6,25 +6,25 @@ is split by its materials. A mesh that several nodes place is several parts.
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from articulate.formats.mesh_file import Group, load_scene, read_mesh
+from articulate.errors import AssetError
+from articulate.formats.mesh_file import MAX_BYTES, Group, load_scene, read_mesh
 from articulate.formats.repairs import Repairs
 from articulate.reconstruct.actors.semantic.ontology import BODIES, ROLES, words_of
+from articulate.untrusted import read_bounded
 
 COLOURED = (".glb", ".gltf", ".ply")
 """Formats with vertex colours."""
 MOST_COLOURS = 32
 """A mesh with more colours keeps only the most frequent one."""
-
 PRIMITIVES = frozenset({"sphere", "disc"})
 """Words for parts that are default names of shapes as well."""
 
@@ -67,6 +67,8 @@ def _part_names(scene: trimesh.Scene, groups: Sequence[Group]) -> list[str]:
         meshes[owner].add(name)
     used: dict[str, int] = defaultdict(int)
     name_of: dict[str, str] = {}
+    labels: set[str] = set()
+    number: dict[str, int] = defaultdict(int)  # parts with each name so far
     names = []
     for name, _, _ in groups:
         nodes = owners.get(name, [name])
@@ -74,26 +76,30 @@ def _part_names(scene: trimesh.Scene, groups: Sequence[Group]) -> list[str]:
         used[name] += 1
         if owner not in name_of:
             mesh = min(meshes.get(owner, {name}), key=lambda one: (len(one), one))
-            name_of[owner] = _distinct(_telling(mesh, owner), set(name_of.values()))
+            stem = _mesh_or_node(mesh, owner)
+            number[stem] += 1
+            label = stem if number[stem] == 1 else f"{stem} {number[stem]}"
+            while label in labels:
+                number[stem] += 1
+                label = f"{stem} {number[stem]}"
+            labels.add(label)
+            name_of[owner] = label
         names.append(name_of[owner])
     return names
 
 
-def _telling(mesh: str, node: str) -> str:
+def _mesh_or_node(mesh: str, node: str) -> str:
     """Return the name of a mesh or of its node: the one with a word for a part."""
-    known = {*ROLES, *BODIES} - PRIMITIVES
-    return node if not known & {*words_of(mesh)} and known & {*words_of(node)} else mesh
-
-
-def _distinct(name: str, others: Collection[str]) -> str:
-    """Return ``name`` with a number if it is among ``others``: a mesh that is placed again."""
-    numbered = (f"{name} {k}" for k in itertools.count(2))
-    return name if name not in others else next(one for one in numbered if one not in others)
+    words = {*words_of(mesh)} - PRIMITIVES, {*words_of(node)} - PRIMITIVES
+    in_mesh, in_node = (any(word in ROLES or word in BODIES for word in own) for own in words)
+    return node if in_node and not in_mesh else mesh
 
 
 def _without_materials(names: Sequence[str], path: Path) -> list[str]:
     """Return the names of an OBJ's objects and groups without those of their materials."""
-    lines = re.findall(rb"^usemtl[ \t]+(\S.*)", path.read_bytes(), re.MULTILINE)
+    lines = re.findall(
+        rb"^usemtl[ \t]+(\S.*)", read_bounded(path, MAX_BYTES, error=AssetError), re.MULTILINE
+    )
     materials = {line.decode("utf-8", "replace").strip() for line in lines}
     ends = sorted((f"_{material}" for material in materials), key=len, reverse=True)
     return [next((n.removesuffix(e) for e in ends if n.endswith(e) and n != e), n) for n in names]

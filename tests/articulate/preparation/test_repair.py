@@ -197,8 +197,7 @@ def test_what_is_too_heavy_to_be_lifted_shut_is_balanced(tmp_path):
 
 
 @pytest.mark.parametrize("given", [False, True])
-def test_far_too_heavy_and_given_masses_stay_and_are_refused(tmp_path, given, monkeypatch):
-    monkeypatch.setattr("articulate.preparation.repair.MIN_MASS", 0.5)
+def test_far_too_heavy_and_given_masses_stay_and_are_refused(tmp_path, given):
     mass = '<mass value="4.5"/><inertia ixx="0.04" iyy="0.04" izz="0.07" ixy="0" ixz="0" iyz="0"/>'
     inertial = f"<inertial>{mass}</inertial>" if given else ""
     check_report = checked(hatch(tmp_path / "in", 0.1 if given else 0.6, inertial), tmp_path)
