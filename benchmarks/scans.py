@@ -12,7 +12,8 @@ of all categories, ``--shells`` fuses depth images of some to closed surfaces; t
 written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
 ``--view`` a rendered photo, or a video in which one joint is operated, by an unknown camera.
-``--turned`` turns each object by a multiple of 90 degrees, chosen by the hash of its id.
+``--turned`` turns each object about the vertical, by a multiple of 90 degrees or by any angle, and
+in the latter case also tilts it by up to 5 degrees, as the hash of its id says.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
 from articulate.benchmark.operated_joint import Conditions
@@ -59,6 +61,7 @@ FURNITURE = ("StorageFurniture", "Table", "Oven", "Dishwasher")
 IOU = 0.5
 """Least overlap of areas of a matched part."""
 AXIS_RAD = float(np.radians(15.0))
+MOST_TILT_RAD = float(np.radians(5.0))
 SIDE_SHARE = 0.3
 """Largest distance of two hinges, as a share of the part's size across the axis."""
 TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -168,9 +171,16 @@ def score(
     }
 
 
-def _by_hash(mesh: ScanMesh, key: str) -> ScanMesh:
-    """Turn a mesh about the vertical by a multiple of 90 degrees that depends on ``key``."""
-    return turned(mesh, TURNS[int(hashlib.sha256(key.encode()).hexdigest(), 16) % len(TURNS)])
+def _by_hash(mesh: ScanMesh, key: str, how: str) -> ScanMesh:
+    """Turn a mesh about the vertical, and tilt it, by angles that depend on ``key``."""
+    number = int(hashlib.sha256(key.encode()).hexdigest(), 16)
+    if how == "quarters":
+        return turned(mesh, TURNS[number % len(TURNS)])
+    random = np.random.default_rng(number)
+    yaw, direction, tilt = random.uniform([-np.pi, -np.pi, 0.0], [np.pi, np.pi, MOST_TILT_RAD])
+    tilted = Rotation.from_rotvec(tilt * np.array([np.cos(direction), np.sin(direction), 0.0]))
+    rotation = (tilted * Rotation.from_euler("z", yaw)).as_matrix()
+    return mesh.transformed(rotation, 1.0, np.zeros(3))
 
 
 def _similarity(source: Array, target: Array) -> tuple[float, Array, Array]:
@@ -265,7 +275,9 @@ def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[s
         shell = fused_shell(merged.mesh)
         merged = Merged(mesh=shell, part=nearest_part(shell, merged.mesh, merged.part))
     path = folder / "scan.glb"  # a name may imply the category
-    placed = _by_hash(merged.mesh, truth.object_id) if args.turned else merged.mesh
+    placed = merged.mesh
+    if args.turned:
+        placed = _by_hash(placed, truth.object_id, args.turned)
     write(placed, path)
     hints = ScanHints(text=truth.category if args.text else "")
     if args.masks:
@@ -388,7 +400,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--text", action="store_true", help="give the category as text")
     parser.add_argument("--view", choices=("image", "video"), help="show the object")
     parser.add_argument("--masks", action="store_true", help="give the true parts as masks")
-    parser.add_argument("--turned", action="store_true", help="do not keep the front at +x")
+    parser.add_argument("--turned", choices=("quarters", "any"), help="do not keep the front at +x")
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)

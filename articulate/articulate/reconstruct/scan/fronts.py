@@ -60,7 +60,8 @@ CENTRED = 0.17
 TRAVEL = 0.75
 """Travel of a drawer, as a share of its depth."""
 CONTROLS = 0.4
-"""Smaller boards beside a door without a handle, as a share of it, are control panels."""
+"""Smaller boards beside a door without a handle, as a share of it, are control panels; strips are
+control panels if they are lower than this share of the object."""
 LEVEL = 0.02
 """Largest distance of the surfaces of panels in one plane, as a share of the diagonal."""
 ADJACENT = 0.12
@@ -238,7 +239,7 @@ def moving_fronts(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Fr
     def plain(front: Front) -> bool:
         return bool(front.panel.size.min() < NARROW * scale)
 
-    fronts = [f for f in fronts if not _is_leg(parts, f) and not _is_control_panel(f.panel)]
+    fronts = [f for f in fronts if not _is_leg(parts, f) and not _is_control_panel(parts, f.panel)]
     sure = [f for f in fronts if len(f.tray) or (f.handle is not None and f.panel.board)]
     alike = [
         f
@@ -293,9 +294,10 @@ def _is_leg(parts: Segmentation, front: Front) -> bool:
     return bool(narrow and (front.handle is None or (floor and not len(front.tray))))
 
 
-def _is_control_panel(panel: Panel) -> bool:
+def _is_control_panel(parts: Segmentation, panel: Panel) -> bool:
     """Return whether a panel has a row of equal knobs, large dials, or knobs on half of a strip."""
-    if panel.handles and panel.size[0] > STRIP * panel.size[1]:
+    low = panel.size[1] < CONTROLS * parts.mesh.size[2]
+    if panel.handles and low and panel.size[0] > STRIP * panel.size[1]:
         low = min(handle.rect[0] for handle in panel.handles)
         high = max(handle.rect[2] for handle in panel.handles)
         middle = 0.5 * float(low + high)

@@ -61,6 +61,8 @@ PLAIN = 0.5
 """Weight of panels without handles and of knobs, and of a side that one panel covers."""
 FILE_FRONT = 1.25
 """Weight of the front by the convention of the file."""
+WIDER = 1.2
+"""Weight of a front that is wider than the object is deep."""
 IMPLIES_FRONT = frozenset({"Switch", "Toilet"})
 """Categories of which parts are found from their front only."""
 EDGE = 0.25
@@ -203,7 +205,7 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
         if found.category in IMPLIES_FRONT:
             best = (1.0, front, found)
             break
-        score = _front_score(found.parts)
+        score = _front_score(found.parts) * (WIDER if mesh.size[1] >= mesh.size[0] else 1.0)
         if front == TURNS[0]:
             score *= FILE_FRONT
         elif any(_covers(mesh, part) for part in found.parts):
@@ -236,8 +238,8 @@ def _front_score(parts: Sequence[PartProposal]) -> float:
 
 
 def _covers(mesh: ScanMesh, proposal: PartProposal) -> bool:
-    """Return whether a panel covers nearly the entire front."""
-    if proposal.panel is None:
+    """Return whether a panel without a handle covers nearly the entire front."""
+    if proposal.panel is None or proposal.handles:
         return False
     sides = proposal.panel[2:] - proposal.panel[:2]
     return bool((sides > ENTIRE * mesh.size[1:]).all())

@@ -32,6 +32,8 @@ FRAME_QUANTILE = 0.85
 """Quantile of the depth of a panel above which handles are: its frame may be proud of it."""
 EDGE_SHARE = 0.8
 """A protrusion at an edge of the panel that spans more of it belongs to the neighbour."""
+BEYOND = 0.8
+"""So does one whose mirror image beyond the edge stands out by this share: a door over a rail."""
 RIM, DEEP, ENTIRE = 0.5, 0.5, 0.85
 """A surface over the entire front that covers less of its rectangle, of a shell deeper than the
 second share of the object, is the rim of the body around an opening."""
@@ -212,7 +214,7 @@ def handles_of(
             continue
         mask = labels == k
         around = view.rect_of(mask, rows, columns)
-        if _is_edge(around, rect, 1.5 * view.pixel):
+        if _is_edge(around, rect, 1.5 * view.pixel) or _is_beyond(view, around, rect, front):
             continue
         share = float(
             np.prod(around[2:] - around[:2]) / max(float(np.prod(rect[2:] - rect[:2])), 1e-12)
@@ -220,6 +222,18 @@ def handles_of(
         if share < HANDLE_SHARE:
             found.append(Handle(rect=around, height=float(depth[mask].max() - front)))
     return tuple(sorted(found, key=lambda handle: -float(np.prod(handle.size))))
+
+
+def _is_beyond(view: FrontView, around: Array, rect: Array, front: float) -> bool:
+    """Return whether a protrusion at an edge of a rectangle goes on as far beyond this edge."""
+    for edge in np.flatnonzero(np.abs(around - rect) < 1.5 * view.pixel):
+        mirrored, axis = around.copy(), edge % 2
+        mirrored[[axis, axis + 2]] = 2.0 * rect[edge] - around[[axis + 2, axis]]
+        rows, columns = view.window(mirrored)
+        depth = view.depth[rows, columns]
+        if depth.size and float((depth > front).mean()) > BEYOND:
+            return True
+    return False
 
 
 def _is_edge(around: Array, rect: Array, near: float) -> bool:

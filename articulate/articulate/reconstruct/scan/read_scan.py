@@ -26,6 +26,7 @@ from articulate.formats.mesh_file import FORMATS, MAX_BYTES, READ_BYTES
 from articulate.reconstruct.mesh_groups import groups_of
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
 from articulate.reconstruct.query import Query
+from articulate.reconstruct.scan.alignment import aligned
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.transforms import Array, Ints
 from articulate.untrusted import memory_limit, read_bounded
@@ -118,6 +119,9 @@ def read_scan(path: Path, hints: ScanHints) -> Scan:
         assumptions.append(f"the axis {'y' if y_up else 'z'} of the file is up; --up changes this")
     if hints.front != "auto":
         mesh = turned(mesh, hints.front)
+    mesh, change = aligned(mesh)
+    if change:
+        assumptions.append(change)
     category = category_in(hints.text)
     scale, reason = scale_of(mesh, category, hints.height_m)
     if reason:
