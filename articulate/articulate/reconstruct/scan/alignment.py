@@ -134,7 +134,7 @@ def _yaw(mesh: ScanMesh) -> float:
         return np.asarray(np.mod(angles - angle + 0.5 * quarter, quarter) - 0.5 * quarter)
 
     def agree(angle: float) -> float:
-        return float(areas[np.abs(off(angle)) < NEAR_RAD[1]].sum() / areas.sum())
+        return float(areas[np.abs(off(angle)) < LEVEL_RAD].sum() / areas.sum())
 
     histogram = np.bincount((angles / quarter * BINS).astype(np.int64) % BINS, areas, BINS)
     width = 2 * int(NEAR_RAD[1] / quarter * BINS) + 1

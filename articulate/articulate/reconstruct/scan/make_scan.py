@@ -57,8 +57,9 @@ from articulate.transforms import Ints
 ACTOR = "scan"
 LEAST_CONFIDENCE = 0.65
 """Parts with a lower confidence make the result doubtful."""
-PLAIN = 0.5
-"""Weight of panels without handles and of knobs, and of a side that one panel covers."""
+PLAIN, HANDLED = 0.5, 0.75
+"""Weight of panels without handles and of knobs, and of a side that one panel covers; and of a side
+that a panel with a handle covers."""
 FILE_FRONT = 1.25
 """Weight of the front by the convention of the file."""
 WIDER = 1.2
@@ -208,8 +209,10 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
         score = _front_score(found.parts) * (WIDER if mesh.size[1] >= mesh.size[0] else 1.0)
         if front == TURNS[0]:
             score *= FILE_FRONT
-        elif any(_covers(mesh, part) for part in found.parts):
-            score *= PLAIN  # perhaps a side of the body
+        else:  # perhaps a side of the body
+            covering = [part for part in found.parts if _covers(mesh, part)]
+            if covering:
+                score *= HANDLED if any(part.handles for part in covering) else PLAIN
         if found.parts and (best is None or score > best[0]):
             best = (score, front, found)
     if best is None:
@@ -238,8 +241,8 @@ def _front_score(parts: Sequence[PartProposal]) -> float:
 
 
 def _covers(mesh: ScanMesh, proposal: PartProposal) -> bool:
-    """Return whether a panel without a handle covers nearly the entire front."""
-    if proposal.panel is None or proposal.handles:
+    """Return whether a panel covers nearly the entire front."""
+    if proposal.panel is None:
         return False
     sides = proposal.panel[2:] - proposal.panel[:2]
     return bool((sides > ENTIRE * mesh.size[1:]).all())

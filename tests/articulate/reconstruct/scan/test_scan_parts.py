@@ -190,6 +190,23 @@ def test_a_wide_front_without_a_handle_or_with_two_is_a_drawer(knobs):
     assert [part.kind for part in found.parts] == ["drawer"]
 
 
+def test_a_low_cabinet_with_a_knob_at_the_edge_of_its_front_has_a_door():
+    board = box((0.5, -0.398, 0.01), (0.52, 0.398, 0.29))
+    knob = box((0.52, 0.35, 0.14), (0.55, 0.38, 0.17))
+    _, found, _ = found_in((carcass(height=0.3), [[board, knob]]))
+    assert [part.kind for part in found.parts] == ["door"]
+    np.testing.assert_allclose(found.parts[0].axis, [0, 0, -1])
+
+
+def test_a_rail_behind_the_edges_of_two_doors_is_no_drawer():
+    fixed, doors = double_doors()
+    rail = box((0.46, -0.38, 0.8), (0.499, 0.38, 0.9))
+    for parts in doors:
+        parts[0].apply_transform(np.diag([1, 1, 0.95, 1]))  # they end at 0.836
+    _, found, _ = found_in(([*fixed, rail], doors))
+    assert [part.kind for part in found.parts] == ["door", "door"]
+
+
 def test_a_wide_board_in_the_middle_turns_about_its_lower_edge():
     fixed, doors = plain_boards((-0.398, 0.38, 0.398, 0.88))
     _, found, _ = found_in((fixed[:4], doors))
