@@ -26,6 +26,9 @@ LEAST_AGREEMENT = 0.4
 CLEARER = 0.8
 """Largest symmetry of a round object about its axes, as a share of that about another plane, that
 turns it."""
+LEVEL_BASE = 0.25
+"""Least area of the convex hull on which an object stands level, as a share of its outline seen
+from above."""
 CANDIDATES = 3
 """Directions of the sides on which an object can stand, and of its level surfaces, each."""
 STRAIGHTER = 1.2
@@ -61,11 +64,15 @@ def _level(mesh: ScanMesh) -> Array:
     """Return the rotation (3, 3) that makes the most of an object level and upright.
 
     Candidates are the sides on which it can stand and its level surfaces. The identity is returned
-    if none is clearly better.
+    if none is clearly better, or if the object stands level as it is.
     """
     hull = ConvexHull(mesh.vertices[np.unique(mesh.faces)])
     edges = np.diff(hull.points[hull.simplices], axis=1)
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    down = -hull.equations[:, 2]
+    footprint = float((areas * np.clip(down, 0.0, None)).sum())
+    if areas[down > np.cos(LEVEL_RAD)].sum() > LEVEL_BASE * footprint:
+        return np.eye(3)
     upward = mesh.normals * np.where(mesh.normals[:, 2:] < 0.0, -1.0, 1.0)
     candidates = [
         *_directions(-hull.equations[:, :3], areas),
@@ -141,8 +148,8 @@ def _yaw(mesh: ScanMesh) -> float:
     smooth = np.convolve(np.tile(histogram, 3), np.ones(width), "same")[BINS : 2 * BINS]
     yaw = (int(np.argmax(smooth)) + 0.5) / BINS * quarter
     for window in NEAR_RAD:
-        chosen = np.abs(off(yaw)) < window
-        yaw += float(np.average(off(yaw)[chosen], weights=areas[chosen]))
+        weights = np.where(np.abs(off(yaw)) < window, areas, 0.0)
+        yaw += float(off(yaw) @ weights / max(float(weights.sum()), 1e-300))
     share = float(areas[np.abs(off(yaw)) < NEAR_RAD[0]].sum() / areas.sum())
     if share < LEAST_SHARE:
         yaw = _symmetric(normals, areas)

@@ -14,7 +14,7 @@ from articulate.reconstruct.scan.front_view import FrontView
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.transforms import Array, Ints
 
-MIN_SIDE = 0.03
+MIN_SIDE = 0.022
 """Shortest side of a panel, as a share of the diagonal of the front."""
 MIN_AREA = 0.006
 """Smallest panel, as a share of the front."""
