@@ -16,7 +16,7 @@ from tests.articulate.reconstruct.scan.scan_objects import (
 )
 
 from articulate.reconstruct.scan.alignment import aligned
-from articulate.reconstruct.scan.make_scan import find_parts
+from articulate.reconstruct.scan.make_scan import find_parts, scan_parts
 from articulate.reconstruct.scan.read_scan import ScanHints, read_scan
 
 
@@ -76,3 +76,25 @@ def test_parts_are_found_at_any_angle(objects, kinds, yaw_deg, tilt_deg, tmp_pat
     assert [part.kind for part in found] == kinds
     assert any("along its own sides" in note for note in scan.assumptions)
     np.testing.assert_allclose(scan.mesh.size, mesh.size, atol=0.01)
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 60.0, 150.0, -110.0])
+def test_named_drawers_open_towards_the_side_where_they_are(yaw_deg, tmp_path):
+    fixed, drawers = chest_of_drawers()
+    scene = trimesh.Scene()
+    turn = trimesh.transformations.rotation_matrix(np.radians(yaw_deg), (0, 0, 1))
+    upright = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
+    for name, boxes in (("body", fixed), *((f"drawer{k}", d) for k, d in enumerate(drawers))):
+        part = trimesh.util.concatenate(boxes)
+        scene.add_geometry(part.apply_transform(upright @ turn), node_name=name, geom_name=name)
+    path = tmp_path / "chest.glb"
+    scene.export(path)
+    scan = read_scan(path, ScanHints())
+    found = scan_parts(scan, path, ScanHints())
+    meshes = {mesh.name: mesh.vertices for mesh in found.part_set.meshes}
+    opened = [joint for joint in found.joints if joint.kind == "prismatic"]
+    assert len(opened) == 3
+    for joint in opened:
+        axis = np.asarray(joint.axis_o)
+        assert np.abs(axis).max() == pytest.approx(1.0)  # along its own sides
+        assert (meshes[joint.part] @ axis).max() > (meshes["body"] @ axis).max() + 0.02
