@@ -13,7 +13,7 @@ written as one GLB without names, vertices merged at 1e-5 of the diagonal, and r
 ``--make`` also writes and checks the asset. ``--masks`` gives the true part of each triangle,
 ``--view`` a rendered photo, or a video in which one joint is operated, by an unknown camera.
 ``--turned`` turns each object about the vertical, by a multiple of 90 degrees or by any angle, and
-in the latter case also tilts it by up to 5 degrees, as the hash of its id says.
+in the latter case also tilts it by up to 5 degrees; the angles depend on the hash of its id.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ CLEARER = 0.8
 """Largest symmetry of a round object about its axes, as a share of that about another plane, that
 turns it."""
 LEVEL_BASE = 0.25
-"""Least area of the convex hull on which an object stands level, as a share of its outline seen
-from above."""
+"""Least level area at the bottom of the convex hull of an object that is left as it is, as a share
+of its outline seen from above."""
 CANDIDATES = 3
 """Directions of the sides on which an object can stand, and of its level surfaces, each."""
 STRAIGHTER = 1.2
@@ -64,7 +64,7 @@ def _level(mesh: ScanMesh) -> Array:
     """Return the rotation (3, 3) that makes the most of an object level and upright.
 
     Candidates are the sides on which it can stand and its level surfaces. The identity is returned
-    if none is clearly better, or if the object stands level as it is.
+    if none is clearly better, or if the bottom of the object is level.
     """
     hull = ConvexHull(mesh.vertices[np.unique(mesh.faces)])
     edges = np.diff(hull.points[hull.simplices], axis=1)
@@ -127,7 +127,7 @@ def _straight(mesh: ScanMesh, rotation: Array) -> float:
 def _yaw(mesh: ScanMesh) -> float:
     """Return the angle about z of the sides of an object to the axes, in (-pi/4, pi/4].
 
-    It is 0 if they are along the axes or no angle stands out.
+    It is 0 if they are along the axes or agree on no angle.
     """
     normals, areas = mesh.normals, mesh.areas
     sides = np.abs(normals[:, 2]) < UPRIGHT

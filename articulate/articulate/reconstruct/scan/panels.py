@@ -33,7 +33,7 @@ FRAME_QUANTILE = 0.85
 EDGE_SHARE = 0.8
 """A protrusion at an edge of the panel that spans more of it belongs to the neighbour."""
 BEYOND = 0.8
-"""So does one whose mirror image beyond the edge stands out by this share: a door over a rail."""
+"""So does one whose mirror image beyond the edge protrudes by this share: a door over a rail."""
 RIM, DEEP, ENTIRE = 0.5, 0.5, 0.85
 """A surface over the entire front that covers less of its rectangle, of a shell deeper than the
 second share of the object, is the rim of the body around an opening."""
