@@ -31,6 +31,11 @@ LEVEL_BASE = 0.25
 of its outline seen from above."""
 CANDIDATES = 3
 """Directions of the sides on which an object can stand, and of its level surfaces, each."""
+WITHIN_DEG = 4.0
+"""Largest angle from a principal axis to a plane of symmetry."""
+ROUND = 2e-3
+"""Largest difference of the variances along the principal axes, as a share of their sum, of a round
+surface."""
 STRAIGHTER = 1.2
 """Least growth of the area that is level or upright."""
 
@@ -152,23 +157,40 @@ def _yaw(mesh: ScanMesh) -> float:
         yaw += float(off(yaw) @ weights / max(float(weights.sum()), 1e-300))
     share = float(areas[np.abs(off(yaw)) < NEAR_RAD[0]].sum() / areas.sum())
     if share < LEAST_SHARE:
-        yaw = _symmetric(normals, areas)
+        yaw = _symmetric(mesh, normals, areas)
     elif agree(0.0) > LEAST_AGREEMENT * agree(yaw):
         return 0.0
     yaw = float(np.mod(yaw + 0.5 * quarter, quarter) - 0.5 * quarter)
     return yaw if abs(yaw) > LEVEL_RAD else 0.0
 
 
-def _symmetric(normals: Array, areas: Array) -> float:
+def _symmetric(mesh: ScanMesh, normals: Array, areas: Array) -> float:
     """Return the angle of the plane about which the sides (N, 3) are the most symmetric.
 
-    It is 0 if the axes are nearly as good.
+    A round body is symmetric about many planes: the principal axes of the surface decide, which
+    lie along the plane of symmetry. It is 0 if the axes are nearly as good.
     """
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
     histogram = np.bincount(np.mod(np.round(angles), 360).astype(np.int64), areas, 360)
     smooth = np.convolve(np.tile(histogram, 3), np.hanning(7), "same")[360:720]
     to = np.arange(360)
     scores = np.array([float(smooth @ smooth[(2 * plane - to) % 360]) for plane in range(180)])
-    if max(scores[0], scores[90]) > CLEARER * scores.max():
-        return 0.0
-    return float(np.radians(np.argmax(scores)))
+    likely = scores > CLEARER * scores.max()
+    principal = _principal(mesh)
+    if principal is None:
+        return 0.0 if likely[0] or likely[90] else float(np.radians(np.argmax(scores)))
+    off = np.abs(np.mod(np.arange(180) - np.degrees(principal) + 45.0, 90.0) - 45.0)
+    if likely[off < WITHIN_DEG].any():
+        return principal
+    return 0.0 if likely[0] or likely[90] else float(np.radians(np.argmax(scores)))
+
+
+def _principal(mesh: ScanMesh) -> float | None:
+    """Return the angle of a principal axis of the surface seen from above; None if it is round."""
+    middles = 0.5 * (mesh.triangles + np.roll(mesh.triangles, 1, axis=1))[..., :2]
+    weights = np.repeat(mesh.areas, 3)
+    covariance = np.cov(middles.reshape(-1, 2).T, aweights=weights)
+    spread, axes = np.linalg.eigh(covariance)
+    if spread[1] - spread[0] < ROUND * spread.sum():
+        return None
+    return float(np.arctan2(axes[1, 1], axes[0, 1]))

@@ -48,12 +48,12 @@ def test_an_object_along_the_axes_is_left_as_it_is(objects):
     np.testing.assert_array_equal(found.vertices, mesh.vertices)
 
 
-@pytest.mark.parametrize("yaw_deg", [-40.0, 20.0, 100.0])
+@pytest.mark.parametrize("yaw_deg", [-39.5, 15.5, 26.5, 100.0])
 def test_a_round_object_is_turned_along_its_plane_of_symmetry(yaw_deg):
     mesh, label = merged(*bucket())
     found, _ = aligned(placed(mesh, yaw_deg))
     bail = found.triangles[label == 0].reshape(-1, 3)
-    assert np.ptp(bail[:, :2], axis=0).min() < 0.03
+    assert np.ptp(bail[:, :2], axis=0).min() < 0.015
 
 
 def test_a_cylinder_keeps_its_angle():
