@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
-from articulate.transforms import Array
+from articulate.transforms import Array, axis_angle_to_matrix, normalised, rotation_angle
 
 MOST_TILT = float(np.cos(np.radians(20.0)))
 """Cosine of the largest tilt of an object that is corrected."""
@@ -49,13 +49,11 @@ def aligned(mesh: ScanMesh) -> tuple[ScanMesh, str]:
     Returns:
         The mesh, turned by 45 degrees at most about z, and the assumption; empty without a change.
     """
-    upright = mesh.transformed(_level(mesh), 1.0, np.zeros(3))
+    level = _level(mesh)
+    upright = mesh.transformed(level, 1.0, np.zeros(3))
     yaw = _yaw(upright)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned = upright.transformed(
-        np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), 1.0, np.zeros(3)
-    )
-    tilt = float(np.arccos(np.clip(_level(mesh)[2, 2], -1.0, 1.0)))
+    turned = upright.transformed(axis_angle_to_matrix((0.0, 0.0, 1.0), -yaw), 1.0, np.zeros(3))
+    tilt = float(rotation_angle(level))
     changes = [
         f"{np.degrees(angle):.1f} degrees {how}"
         for angle, how in ((abs(yaw), "about the vertical"), (tilt, "upright"))
@@ -71,7 +69,10 @@ def _level(mesh: ScanMesh) -> Array:
     Candidates are the sides on which it can stand and its level surfaces. The identity is returned
     if none is clearly better, or if the bottom of the object is level.
     """
-    hull = ConvexHull(mesh.vertices[np.unique(mesh.faces)])
+    try:
+        hull = ConvexHull(mesh.vertices[np.unique(mesh.faces)])
+    except QhullError:  # a flat surface that is not along the axes
+        return np.eye(3)
     edges = np.diff(hull.points[hull.simplices], axis=1)
     areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     down = -hull.equations[:, 2]
@@ -86,17 +87,17 @@ def _level(mesh: ScanMesh) -> Array:
     best, most = np.eye(3), _straight(mesh, np.eye(3))
     for up in candidates:
         if up[2] < np.cos(LEVEL_RAD):
-            axis = np.array([up[1], -up[0], 0.0]) / np.hypot(up[0], up[1])
-            rotation, _ = cv2.Rodrigues(axis * np.arccos(up[2]))
+            axis = normalised((up[1], -up[0], 0.0))
+            rotation = axis_angle_to_matrix(axis, np.arccos(up[2]))
             straight = _straight(mesh, rotation)
             if straight > STRAIGHTER * most:
-                best, most = np.asarray(rotation, dtype=np.float64), straight
+                best, most = rotation, straight
     return best
 
 
 def _directions(normals: Array, areas: Array) -> list[Array]:
     """Return upward directions (3,) on which the area of nearly upward normals (N, 3) agrees."""
-    near = normals[:, 2] > MOST_TILT
+    near = (normals[:, 2] > MOST_TILT) & (areas > 0.0)
     normals, areas = normals[near], areas[near]
     found: list[Array] = []
     while len(found) < CANDIDATES and len(areas):
@@ -104,8 +105,7 @@ def _directions(normals: Array, areas: Array) -> list[Array]:
         for window in NEAR_RAD:
             chosen = normals @ up > np.cos(window)
             if chosen.any():
-                up = (areas[chosen, None] * normals[chosen]).sum(axis=0)
-                up = up / np.linalg.norm(up)
+                up = normalised(areas[chosen] @ normals[chosen])
         found.append(up)
         other = normals @ up < np.cos(NEAR_RAD[0])
         normals, areas = normals[other], areas[other]
@@ -177,11 +177,10 @@ def _symmetric(mesh: ScanMesh, normals: Array, areas: Array) -> float:
     scores = np.array([float(smooth @ smooth[(2 * plane - to) % 360]) for plane in range(180)])
     likely = scores > CLEARER * scores.max()
     principal = _principal(mesh)
-    if principal is None:
-        return 0.0 if likely[0] or likely[90] else float(np.radians(np.argmax(scores)))
-    off = np.abs(np.mod(np.arange(180) - np.degrees(principal) + 45.0, 90.0) - 45.0)
-    if likely[off < WITHIN_DEG].any():
-        return principal
+    if principal is not None:
+        off = np.abs(np.mod(np.arange(180) - np.degrees(principal) + 45.0, 90.0) - 45.0)
+        if likely[off < WITHIN_DEG].any():
+            return principal
     return 0.0 if likely[0] or likely[90] else float(np.radians(np.argmax(scores)))
 
 

@@ -296,8 +296,8 @@ def _is_leg(parts: Segmentation, front: Front) -> bool:
 
 def _is_control_panel(parts: Segmentation, panel: Panel) -> bool:
     """Return whether a panel has a row of equal knobs, large dials, or knobs on half of a strip."""
-    low = panel.size[1] < CONTROLS * parts.mesh.size[2]
-    if panel.handles and low and panel.size[0] > STRIP * panel.size[1]:
+    strip = panel.size[0] > STRIP * panel.size[1]
+    if panel.handles and strip and panel.size[1] < CONTROLS * parts.mesh.size[2]:
         low = min(handle.rect[0] for handle in panel.handles)
         high = max(handle.rect[2] for handle in panel.handles)
         middle = 0.5 * float(low + high)

@@ -56,11 +56,21 @@ def test_a_round_object_is_turned_along_its_plane_of_symmetry(yaw_deg):
     assert np.ptp(bail[:, :2], axis=0).min() < 0.015
 
 
-def test_a_cylinder_keeps_its_angle():
+def test_a_cylinder_is_made_upright():
     mesh, _ = merged([], [[trimesh.creation.cylinder(0.2, 0.5, sections=64)]])
-    turned = placed(mesh, 13.0)
-    _, note = aligned(turned)
-    assert "upright" not in note
+    _, note = aligned(mesh)
+    assert note == ""
+    _, note = aligned(placed(mesh, 13.0, 5.0))
+    assert "5.0 degrees upright" in note
+
+
+def test_a_tilted_flat_surface_is_left_as_it_is():
+    sheet = trimesh.Trimesh(
+        [(0, 0, 0), (1, 0, 0.7), (1, 1, 0.7), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)]
+    )
+    mesh, _ = merged([], [[sheet.subdivide().subdivide()]])
+    found, _ = aligned(mesh)
+    np.testing.assert_allclose(found.size, mesh.size, atol=0.01)
 
 
 @pytest.mark.parametrize(("yaw_deg", "tilt_deg"), [(25.0, 0.0), (-70.0, 4.0), (160.0, 8.0)])
