@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
+from articulate.reconstruct.scan.front_view import front_view
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
+from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.transforms import Array, Ints
 
@@ -26,10 +30,26 @@ CLOSED_DEPTH, CLOSED_SHARE = 0.3, 0.75
 """Share of the front view of a container that is within this share of its depth."""
 FLAP_AREA, MOST_FLAPS = 0.03, 4
 """Least area of an open flap, as a share of the object, and the largest number of them."""
+ONLY_FLAPS = 0.8
+"""Least area of the flaps, as a share of all that is above or outside the rim."""
 LEAST_RIM = 0.2
 """Least height of the rim of an open container, as a share of the height of the object."""
+INSIDE, OPEN_DEPTH = 0.8, 0.7
+"""Share of each side of an open container that is inside, and of its height below which most of it
+is seen from above."""
+Z_TO_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Rotation after which the view from above is the front view."""
+LOWER = 0.4
+"""Share of the height of walls whose outline is that of a container."""
+WALL_LEAN = 0.1
+"""Largest vertical part of the normals of a wall."""
 UPRIGHT = 0.25
-"""Least height of an open flap, as a share of its longest side."""
+"""Least reach of an open flap beyond the walls, as a share of its longest side."""
+HELD = 0.4
+"""Least length of the lower edge of an open flap less its gap to the rim, as a share of its longest
+side."""
+WIDEST_RAD = 2.5 * QUARTER_RAD
+"""Usual limit of a flap, from its closed pose."""
 AJAR = (float(np.radians(7.0)), float(np.radians(83.0)))
 """Angles of a door that is ajar to the front and sides of the object."""
 DOOR_HEIGHT = 0.4
@@ -127,44 +147,126 @@ def _is_closed(parts: Segmentation, top: float) -> bool:
 
 
 def open_flaps(parts: Segmentation) -> list[PartProposal]:
-    """Propose the plates above the rim of a container as open flaps."""
-    mesh, cells = parts.mesh, parts.shells
-    boxes, share = cells.boxes, cells.area / max(float(cells.area.sum()), 1e-12)
-    body = int(np.argmax(cells.area))
-    rim = float(boxes[body, 1, 2])
-    if boxes[body, 0, 2] > mesh.bounds[0, 2] + 0.1 * mesh.size[2]:
+    """Propose the plates above or outside the rim of a container as open flaps."""
+    mesh, cells = parts.mesh, parts.facets
+    box = _walls(parts)
+    if box is None:
         return []
-    if rim < mesh.bounds[0, 2] + LEAST_RIM * mesh.size[2]:
+    rim, slack = float(box[1, 2]), 0.02 * float(mesh.size[2])
+    sides = np.sort(np.ptp(cells.boxes, axis=1), axis=1)
+    outer = np.maximum(box[0, :2] - cells.boxes[:, 0, :2], cells.boxes[:, 1, :2] - box[1, :2])
+    outside = (outer.max(axis=1) > UPRIGHT * sides[:, 1]) & (cells.boxes[:, 1, 2] > rim - slack)
+    upper = (mesh.triangles[..., 2] > rim - slack).all(axis=1) | outside[cells.label]
+    found = [
+        flap
+        for faces in _plates(parts, np.flatnonzero(upper))
+        if (flap := _open_flap(parts, faces, box)) is not None
+    ]
+    body = np.flatnonzero(~upper)
+    covered = sum(float(mesh.areas[flap.faces].sum()) for flap in found)
+    if not 0 < len(found) <= MOST_FLAPS or covered < ONLY_FLAPS * mesh.areas[upper].sum():
         return []
-    likely = (boxes[:, 0, 2] > rim - 0.02 * mesh.size[2]) & (share > FLAP_AREA)
-    found = []
-    for k in np.flatnonzero(likely):
-        points = mesh.triangles[cells.members[k]].reshape(-1, 3)
-        _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-        sides = np.ptp(points @ axes.T, axis=0)
-        if sides.min() > SLIM * sides.max() or np.ptp(points[:, 2]) < UPRIGHT * sides.max():
-            continue
-        foot = points[points[:, 2] <= points[:, 2].min() + 0.1 * np.ptp(points[:, 2])]
-        axis = int(np.argmax(np.ptp(foot[:, :2], axis=0)))
-        middle = foot.mean(axis=0)
-        outward = middle - boxes[body].mean(axis=0)
-        sign = 1.0 if np.cross(np.eye(3)[axis], [0.0, 0.0, 1.0]) @ outward > 0.0 else -1.0
-        found.append(
-            PartProposal(
-                kind="flap",
-                faces=cells.members[k],
-                joint="revolute",
-                axis=sign * np.eye(3)[axis],
-                pivot=middle,
-                lower=-QUARTER_RAD,
-                upper=QUARTER_RAD / 2.0,
-                confidence=0.6,
-                evidence=("a plate above the rim of a container",),
-            )
-        )
-    rest = cells.members[body]
-    closed = 0 < len(found) <= MOST_FLAPS and _is_container(parts, rest, rim, cells.boxes[body])
-    return found if closed else []
+    if not _is_container(parts, body, rim, box):
+        return []
+    return found if _is_open_above(mesh.select(body), box) else []
+
+
+def _is_open_above(body: ScanMesh, box: Array) -> bool:
+    """Return whether most of the inside of a box of walls (2, 3) is lower than its rim."""
+    from_above = front_view(body.transformed(Z_TO_X, 1.0, np.zeros(3)))
+    low, high = box @ Z_TO_X.T
+    middle, half = 0.5 * (low + high), 0.5 * INSIDE * np.abs(high - low)
+    rows, columns = from_above.window(np.r_[middle[1:] - half[1:], middle[1:] + half[1:]])
+    height = from_above.depth[rows, columns]
+    return bool(height.size and (height < low[0] + OPEN_DEPTH * (high[0] - low[0])).mean() > 0.5)
+
+
+def _walls(parts: Segmentation) -> Array | None:
+    """Return the box of the upright facets from the floor up to the rim (2, 3) [m], or None."""
+    mesh, cells = parts.mesh, parts.facets
+    floor, height = float(mesh.bounds[0, 2]), float(mesh.size[2])
+    lean = np.bincount(cells.label, mesh.areas * np.abs(mesh.normals[:, 2]), cells.count)
+    walls = (lean < WALL_LEAN * cells.area) & (cells.area > FLAP_AREA * cells.area.sum())
+    rim = floor
+    for bottom, top in sorted(zip(*cells.boxes[walls, :, 2].T, strict=True)):  # one upon another
+        if bottom < max(rim, floor + 0.1 * height) + parts.near:
+            rim = max(rim, float(top))
+    if rim < floor + LEAST_RIM * height:
+        return None
+    lower = mesh.triangles[mesh.triangles[..., 2].mean(axis=1) < floor + LOWER * (rim - floor)]
+    corners = lower.reshape(-1, 3)
+    return np.stack([corners.min(axis=0), np.r_[corners[:, :2].max(axis=0), rim]])
+
+
+def _plates(parts: Segmentation, faces: Ints) -> list[Ints]:
+    """Group faces that share an edge, and those of both sides of one plate."""
+    number = np.full(len(parts.mesh.faces), -1)
+    number[faces] = np.arange(len(faces))
+    pairs = number[parts.edges.pairs]
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(faces), len(faces)))
+    label = connected_components(graph, directed=False)[1]
+    groups = [faces[label == k] for k in range(int(label.max(initial=-1)) + 1)]
+    boxes = [parts.mesh.triangles[group].reshape(-1, 3) for group in groups]
+    merged: list[tuple[Array, list[Ints]]] = []
+    for group, points in zip(groups, boxes, strict=True):
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        same = [m for m in merged if (np.abs(m[0] - box) < 4.0 * parts.near).all()]
+        if same:
+            same[0][1].append(group)
+        else:
+            merged.append((box, [group]))
+    return [np.sort(np.concatenate(members)) for _, members in merged]
+
+
+def _open_flap(parts: Segmentation, faces: Ints, walls: Array) -> PartProposal | None:
+    """Return a plate at the rim of a container as a flap that turns about its edge at the rim.
+
+    Args:
+        parts: The object.
+        faces: Faces of the plate.
+        walls: Box of the walls of the container (2, 3) [m].
+    """
+    mesh = parts.mesh
+    if mesh.areas[faces].sum() < FLAP_AREA * mesh.areas.sum():
+        return None
+    points = mesh.triangles[faces].reshape(-1, 3)
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    thickness, width, length = np.sort(np.ptp(points @ axes.T, axis=0))
+    outside = np.maximum(walls[0] - points, points - walls[1])
+    if thickness > SLIM * length or width < SLIM * length or outside.max() < UPRIGHT * width:
+        return None
+    ends = [_foot(points, walls, axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
+    held, axis, inward, foot = max(ends, key=lambda end: end[0])
+    if held < HELD * length:
+        return None
+    middle = 0.5 * (foot.min(axis=0) + foot.max(axis=0))
+    direction = points.mean(axis=0) - middle
+    opened = float(np.arctan2(direction[2], direction @ inward)) % (2.0 * np.pi)
+    return PartProposal(
+        kind="flap",
+        faces=faces,
+        joint="revolute",
+        axis=np.cross(inward, [0.0, 0.0, 1.0]),
+        pivot=middle,
+        lower=-opened,
+        upper=max(WIDEST_RAD - opened, 0.1),
+        confidence=0.6,
+        evidence=("a plate above the rim of a container",),
+    )
+
+
+def _foot(points: Array, walls: Array, axis: int, sign: float) -> tuple[float, int, Array, Array]:
+    """Return how well points meet one side of a rim, its axis, its inward direction, its points.
+
+    The first is the length of the edge less the gap to the rim [m].
+    """
+    across = 1 - axis
+    wall = walls[0 if sign > 0.0 else 1, across]
+    gap = np.abs(points[:, 2] - walls[1, 2]) + np.abs(points[:, across] - wall)
+    foot = points[gap <= gap.min() + 0.1 * np.ptp(gap)]
+    length = float(np.ptp(foot[:, axis]) - gap.min())
+    return length, axis, sign * np.eye(3)[across], foot
 
 
 def ajar_door(parts: Segmentation) -> list[PartProposal]:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 from tests.articulate.reconstruct.scan.scan_objects import box, carcass, merged, overlap, write
 
+from articulate.reconstruct.scan.lids import open_flaps
 from articulate.reconstruct.scan.make_scan import find_parts
 from articulate.reconstruct.scan.propose import propose_parts
 from articulate.reconstruct.scan.read_scan import ScanHints, read_scan
+from articulate.reconstruct.scan.scan_mesh import ScanMesh
+from articulate.reconstruct.scan.segmentation import Segmentation
 
 
 def plate(z, length=0.45, width=0.36, thickness=0.02):
@@ -47,6 +51,34 @@ def bin_with_lid(*ears):
         body.append(box((*low, 0.36), (*high, 0.4)))
         lid.append(box((*low, 0.401), (*high, 0.43)))
     return body, [lid]
+
+
+def open_box(*angles_deg):
+    """A box of five sheets with one flap at each side; 0 is closed, 90 upright, 180 outside."""
+    half, height, length = np.array([0.2, 0.15]), 0.25, 0.12
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    points = [(*corner, z) for z in (0.0, height) for corner in corners]
+    faces = [(0, 2, 1), (0, 3, 2)]
+    flaps = []
+    for k, angle in enumerate(angles_deg):
+        a, b = k, (k + 1) % 4
+        faces += [(a, b, b + 4), (a, b + 4, a + 4)]
+        inward = -0.5 * (corners[a] + corners[b]) / np.linalg.norm(0.5 * (corners[a] + corners[b]))
+        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        for corner in (b, a):
+            points.append((*(corners[corner] + length * c * inward), height + length * s))
+        n = len(points)
+        flaps.append([len(faces), len(faces) + 1])
+        faces += [(a + 4, b + 4, n - 2), (a + 4, n - 2, n - 1)]
+    label = np.full(len(faces), -1)
+    for k, flap in enumerate(flaps):
+        label[flap] = k
+    n = len(faces)
+    mesh = ScanMesh(
+        vertices=np.array(points, dtype=float), faces=np.array(faces), rgb=np.full((n, 3), 0.6),
+        group=np.zeros(n, dtype=np.int64),
+    )  # fmt: skip
+    return mesh, label
 
 
 def wall_plate(*switches):
@@ -88,6 +120,39 @@ def test_a_lid_with_a_hinge_at_the_rim_turns_about_it(ear):
     assert overlap(mesh, lid.faces, label, 0) > 0.99
     np.testing.assert_allclose(lid.pivot, (0.15 * ear[0], 0.15 * ear[1], 0.401), atol=1e-3)
     assert np.cross(lid.axis, (0, 0, 0.43) - lid.pivot)[2] > 0.0  # the middle goes up
+
+
+@pytest.mark.parametrize(
+    "angles", [(45, 45, 45, 45), (120, 130, 140, 150), (180, 175, 185, 180), (215, 60, 225, 70)]
+)
+def test_flaps_of_an_open_box_turn_about_the_rim_that_they_share_with_its_walls(angles):
+    mesh, label = open_box(*angles)
+    found = propose_parts(mesh)
+    assert found.category == "Box"
+    assert [part.kind for part in found.parts] == ["flap"] * 4
+    for part in found.parts:
+        side = int(label[part.faces[0]])
+        assert overlap(mesh, part.faces, label, side) > 0.99
+        np.testing.assert_allclose(part.pivot[2], 0.25, atol=1e-6)
+        np.testing.assert_allclose(part.lower, -np.radians(angles[side]), atol=0.02)
+        # At its lower limit, each flap is level inside the rim.
+        corners = mesh.triangles[part.faces].reshape(-1, 3)
+        turn = Rotation.from_rotvec(part.lower * part.axis)
+        closed = turn.apply(corners - part.pivot) + part.pivot
+        np.testing.assert_allclose(closed[:, 2], 0.25, atol=0.003)
+        assert (np.abs(closed[:, :2]) < np.array([0.2, 0.15]) + 1e-6).all()
+
+
+def test_a_closed_box_with_a_border_has_no_flaps():
+    mesh, _ = open_box(170, 170, 170, 170)
+    cover = np.array([(4, 5, 6), (4, 6, 7)])
+    faces = np.r_[mesh.faces, cover]
+    closed = ScanMesh(
+        vertices=mesh.vertices, faces=faces, rgb=np.full((len(faces), 3), 0.6),
+        group=np.zeros(len(faces), dtype=np.int64),
+    )  # fmt: skip
+    assert not open_flaps(Segmentation(closed))
+    assert len(open_flaps(Segmentation(mesh))) == 4
 
 
 def test_the_ears_of_a_pot_are_no_hinge():
