@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from articulate.reconstruct.scan.discs import knobs
+from articulate.reconstruct.scan.fronts import all_fronts, moved_front
 from articulate.reconstruct.scan.panels import Handle
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -22,6 +25,14 @@ LONG, SQUARE = 1.3, 1.15
 """Ratio of the sides of a handle from which it is a bar, and up to which it may be a wheel."""
 WHEEL = (0.2, 0.6)
 """Diameter of a wheel, as a share of the shorter side of its door."""
+SHORT = 0.35
+"""Largest length of a lever beside a dial, as a share of the height of the door."""
+HINGE = 0.06
+"""Bars nearer to an edge are hinges, as a share of the width of the door."""
+ROOM = 0.4
+"""Least area of the leaf of a room door that is ajar, as a share of the object."""
+CONCENTRIC = 0.15
+"""Largest distance of the centres of concentric handles, as a share of the smaller side."""
 LEVER_RAD = float(np.radians(45.0))
 """Motion of a lever [rad]."""
 
@@ -43,7 +54,7 @@ def turning_handles(parts: Segmentation, found: Sequence[PartProposal]) -> list[
     if float(sides.prod()) < MAIN * float(parts.mesh.size[1:].prod()):
         return []
     turning = []
-    for handle in door.handles:
+    for handle in _outermost(door.handles):
         wide, high = (float(side) for side in handle.size)
         room = _is_room_door(parts, panel, handle)
         share = max(wide, high) / float(sides.min())
@@ -51,10 +62,23 @@ def turning_handles(parts: Segmentation, found: Sequence[PartProposal]) -> list[
         if not wheel and (not room or high > LONG * wide):
             continue
         lever = room and wide > LONG * high
-        proposal = _turning(parts, door.front, panel, handle, lever=lever)
+        proposal = _turning(parts, door.front, panel, handle, lever=lever, through=room)
         if proposal is not None:
             turning.append(replace(proposal, on=doors[0]))
     return turning
+
+
+def _outermost(handles: Sequence[Handle]) -> list[Handle]:
+    """Join concentric handles, such as the rings of a wheel."""
+    joined: list[Handle] = []
+    for handle in sorted(handles, key=lambda handle: -float(handle.size.max())):
+        for k, outer in enumerate(joined):
+            if np.linalg.norm(handle.centre - outer.centre) < CONCENTRIC * outer.size.min():
+                joined[k] = replace(outer, height=max(outer.height, handle.height))
+                break
+        else:
+            joined.append(handle)
+    return joined
 
 
 def _is_room_door(parts: Segmentation, panel: Array, handle: Handle) -> bool:
@@ -65,13 +89,77 @@ def _is_room_door(parts: Segmentation, panel: Array, handle: Handle) -> bool:
     return bool(size[0] < THIN * size[2] and size[2] > TALL * size[1] and beside)
 
 
+def levers(parts: Segmentation, found: Sequence[PartProposal]) -> list[PartProposal]:
+    """Propose short upright bars beside the dial of a single door, such as those of safes."""
+    doors = [k for k, proposal in enumerate(found) if proposal.kind == "door"]
+    dials = [proposal for proposal in found if proposal.kind == "knob" and proposal.on in doors]
+    panel = found[doors[0]].panel if len(doors) == 1 and dials else None
+    if panel is None:
+        return []
+    turning = []
+    for handle in found[doors[0]].handles:
+        wide, high = (float(side) for side in handle.size)
+        dial = any(_covers(handle, proposal) for proposal in dials)
+        edge = min(handle.rect[0] - panel[0], panel[2] - handle.rect[2])
+        hinge = edge < HINGE * (panel[2] - panel[0])
+        if dial or hinge or high < LONG * wide or high > SHORT * (panel[3] - panel[1]):
+            continue
+        proposal = _turning(parts, found[doors[0]].front, panel, handle, lever=False, through=False)
+        if proposal is not None:
+            y, z = float(handle.centre[0]), float(handle.rect[3] - 0.5 * wide)
+            turning.append(
+                replace(
+                    proposal,
+                    kind="switch",
+                    joint="revolute",
+                    pivot=np.array([found[doors[0]].front, y, z]),
+                    upper=2.0 * LEVER_RAD,
+                    evidence=("a lever beside a dial",),
+                    on=doors[0],
+                )
+            )
+    return turning
+
+
+def _covers(handle: Handle, dial: PartProposal) -> bool:
+    """Return whether the middle of a dial is on a handle."""
+    middle = dial.pivot[1:]
+    return bool((middle > handle.rect[:2]).all() and (middle < handle.rect[2:]).all())
+
+
+def details_of_ajar(parts: Segmentation, door: PartProposal) -> list[PartProposal]:
+    """Propose the dials and levers of a door that is ajar, found in its closed pose."""
+    closing = Rotation.from_rotvec(door.lower * door.axis).as_matrix()
+    local = Segmentation(parts.mesh.select(door.faces).transformed(closing, 1.0, np.zeros(3)))
+    fronts = all_fronts(local)
+    if not fronts:
+        return []
+    front = max(fronts, key=lambda front: front.panel.area)
+    closed = [moved_front(local, front, "revolute", "left", "")]
+    dials = knobs(local, np.zeros(len(door.faces), dtype=bool), closed)
+    if local.mesh.areas.sum() > ROOM * parts.mesh.areas.sum():
+        dials = turning_handles(local, closed) or dials
+    return [
+        replace(
+            detail,
+            faces=door.faces[detail.faces],
+            axis=closing.T @ detail.axis,
+            pivot=closing.T @ detail.pivot,
+        )
+        for detail in [*dials, *levers(local, [*closed, *dials])]
+    ]
+
+
 def _turning(
-    parts: Segmentation, front: float, panel: Array, handle: Handle, *, lever: bool
+    parts: Segmentation, front: float, panel: Array, handle: Handle, *, lever: bool, through: bool
 ) -> PartProposal | None:
-    """Return the shells of a handle as a part that turns; None if there are none."""
-    low = np.array([front - handle.height, *handle.rect[:2]])
+    """Return the shells of a handle, with ``through`` of both sides, as a part that turns."""
+    back = float(parts.mesh.bounds[0, 0]) if through else front - handle.height
+    low = np.array([back, *handle.rect[:2]])
     high = np.array([front + handle.height, *handle.rect[2:]])
-    faces = parts.faces_of(parts.shells, parts.inside(parts.shells, low, high))
+    inside = parts.inside(parts.shells, low, high)
+    proud = parts.shells.boxes[inside, 1, 0] > front + parts.near
+    faces = parts.faces_of(parts.shells, inside if through else inside[proud])
     if not len(faces):
         return None
     y, z = handle.centre

@@ -512,4 +512,5 @@ def _hinge_side(
         partner = beside[0].panel
         return bool(partner.centre[0] > panel.centre[0]), "a partner beside it", 0.7
     middle = float(parts.mesh.bounds[:, 1].mean())
-    return bool(panel.centre[0] <= middle), "its side of the object", 0.4
+    right = panel.centre[0] > middle + MIRRORED * parts.mesh.size[1]
+    return not right, "its side of the object", 0.4

@@ -58,6 +58,8 @@ SLIM = 0.2
 """Largest ratio of thickness to width of a door that is ajar."""
 DOOR_AREA = 0.04
 """Least area of a shell of a door that is ajar, as a share of the object."""
+FRAME_AREA = 0.02
+"""Least area of a shell to which a door that is ajar can be hinged, as a share of the object."""
 HANDLE_REACH = 0.12
 """Height of handles over a door that is ajar, as a share of its width."""
 
@@ -237,7 +239,7 @@ def _open_flap(parts: Segmentation, faces: Ints, walls: Array) -> PartProposal |
     if thickness > SLIM * length or width < SLIM * length or outside.max() < UPRIGHT * width:
         return None
     ends = [_foot(points, walls, axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
-    held, axis, inward, foot = max(ends, key=lambda end: end[0])
+    held, _, inward, foot = max(ends, key=lambda end: end[0])
     if held < HELD * length:
         return None
     middle = 0.5 * (foot.min(axis=0) + foot.max(axis=0))
@@ -310,7 +312,9 @@ def _ajar(
     rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     if not len(faces) or not len(rest):
         return []
-    others = mesh.triangles[rest].reshape(-1, 3)
+    shells = parts.shells
+    large = rest[shells.area[shells.label[rest]] > FRAME_AREA * mesh.areas.sum()]
+    others = mesh.triangles[large if len(large) else rest].reshape(-1, 3)
     ends = [centre + sign * 0.5 * sides[0] * along for sign in (-1.0, 1.0)]
     gaps = [float(np.linalg.norm(others[:, :2] - end, axis=1).min()) for end in ends]
     middle = others[:, :2].mean(axis=0)

@@ -8,7 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.reconstruct.scan.discs import knobs, round_door, wheels
-from articulate.reconstruct.scan.door_handles import turning_handles
+from articulate.reconstruct.scan.door_handles import (
+    details_of_ajar,
+    levers,
+    turning_handles,
+)
 from articulate.reconstruct.scan.faucets import faucet_parts
 from articulate.reconstruct.scan.fronts import Front, all_fronts, front_parts, moving_fronts
 from articulate.reconstruct.scan.handle_layout import parts_by_handles
@@ -50,6 +54,7 @@ PRECISION: Mapping[str, float] = {
     "a centred handle at the bottom": 0.3,
     "a large disc in the front": 0.3,
     "a dial beside the fronts": 0.5,
+    "a lever beside a dial": 0.5,
     "its side of the object": 0.2,
     "a wide front with a centred handle": 0.2,
     "a cover on top of a container": 0.2,
@@ -130,7 +135,8 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
         return known
     ajar = ajar_door(parts)
     if ajar:
-        return FoundParts(parts=tuple(with_details(parts, ajar)))
+        details = details_of_ajar(parts, ajar[0])
+        return FoundParts(parts=tuple(with_details(parts, ajar, details)))
     every_front = all_fronts(parts)
     fronts, sure = moving_fronts(parts, every_front)
     if smooth:
@@ -194,15 +200,24 @@ def calibrated(found: Sequence[PartProposal]) -> list[PartProposal]:
     ]
 
 
-def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartProposal]:
-    """Add knobs and wheels to proposals; their faces are covered from what carries them."""
+def with_details(
+    parts: Segmentation, found: list[PartProposal], known: Sequence[PartProposal] = ()
+) -> list[PartProposal]:
+    """Add knobs and wheels to proposals; their faces are removed from what carries them.
+
+    Args:
+        parts: The object; its front is +x.
+        found: Proposals.
+        known: Knobs and levers of these that were found before.
+    """
     covered = np.zeros(len(parts.mesh.faces), dtype=bool)
     for proposal in found:
         covered[proposal.faces] = True
-    turning = turning_handles(parts, found)
+    turning = [*known, *turning_handles(parts, found)]
     rolling = wheels(parts)
     dials = _clear_of(knobs(parts, covered, found), [*turning, *rolling])
-    details = [*turning, *dials, *rolling]
+    bars = _clear_of(levers(parts, [*found, *turning, *dials]), [*turning, *dials])
+    details = [*turning, *dials, *bars, *rolling]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
     left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
     return [p for p in [*left, *details] if len(p.faces)]
