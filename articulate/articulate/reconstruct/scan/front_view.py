@@ -18,6 +18,8 @@ SIDE_PX = 320
 DISTANCE = 60.0
 """Distance of the camera, in diagonals: its rays are parallel to 0.5 degrees."""
 BORDER_PX = 2
+Z_TO_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Rotation after which the view from above is the front view."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,6 +80,24 @@ def front_view(mesh: ScanMesh, side_px: int = SIDE_PX) -> FrontView:
     face = PartScene([part]).rasterize(camera).face_ids.astype(np.int64)
     origin = np.array([centre[1] - 0.5 * width * pixel, centre[2] + 0.5 * height * pixel])
     return FrontView(face=face, depth=_depth(mesh, face, origin, pixel), pixel=pixel, origin=origin)
+
+
+def heights_above(mesh: ScanMesh, box: Array, share: float) -> Array:
+    """Return the height of what is seen from above in the middle of a box (N,) [m].
+
+    Args:
+        mesh: The object.
+        box: Lowest and highest corner (2, 3) [m].
+        share: Share of each side of the box that is its middle.
+
+    Returns:
+        One height for each pixel; -inf for background.
+    """
+    view = front_view(mesh.transformed(Z_TO_X, 1.0, np.zeros(3)))
+    turned = (box @ Z_TO_X.T)[:, 1:]
+    middle, half = turned.mean(axis=0), 0.5 * share * np.abs(np.ptp(turned, axis=0))
+    rows, columns = view.window(np.r_[middle - half, middle + half])
+    return view.depth[rows, columns].ravel()
 
 
 def _depth(mesh: ScanMesh, face: Ints, origin: Array, pixel: float) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from articulate.reconstruct.actors.protocol import JointKind
 from articulate.reconstruct.scan.frames import grown, joined_frames
+from articulate.reconstruct.scan.front_view import heights_above
 from articulate.reconstruct.scan.panels import (
     MAX_OVERLAP,
     THIN,
@@ -57,6 +58,8 @@ MIRROR, MIRRORED = 0.3, 0.05
 that of the panel, as a share of its width."""
 CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
+COVERING = 0.8
+"""Least share of the width and depth of the object that a lid covers."""
 TRAVEL = 0.75
 """Travel of a drawer, as a share of its depth."""
 CONTROLS = 0.4
@@ -329,7 +332,8 @@ def _is_level(parts: Segmentation, one: Panel, other: Panel) -> bool:
 def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> PartProposal:
     panel, base = front.panel, _base(parts, front)
     if len(front.tray):
-        return _drawer(parts, base, front, "a tray behind the front")
+        lid = _topmost(parts, base)
+        return lid or _drawer(parts, base, front, "a tray behind the front")
     wide = panel.size[1] < WIDE * panel.size[0]
     centred = _is_centred(front)
     if wide and (centred or front.handle is None):
@@ -344,6 +348,29 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
     if front.handle is None and _is_wide_centred(parts, panel):
         return _turned_flap(base, panel, above=False, reason="a wide front without a handle")
     return _door(parts, base, front, others)
+
+
+def _topmost(parts: Segmentation, base: PartProposal) -> PartProposal | None:
+    """Return a part that nothing is above, on a body of the same outline, as a lid; or None."""
+    low, high = parts.mesh.bounds
+    corners = parts.mesh.triangles[base.faces].reshape(-1, 3)
+    bottom, top = corners.min(axis=0), corners.max(axis=0)
+    covers = ((top - bottom)[:2] > COVERING * (high - low)[:2]).all()
+    if not covers or top[2] < high[2] - parts.near or bottom[2] < low[2] + parts.near:
+        return None
+    heights = heights_above(parts.mesh, np.stack([bottom, top]), COVERING)
+    if float((heights > 0.5 * (bottom[2] + top[2])).mean()) < COVERING:
+        return None  # a drawer without a board above
+    return replace(
+        base,
+        kind="lid",
+        axis=np.array([0.0, -1.0, 0.0]),
+        pivot=np.array([bottom[0], 0.5 * (bottom[1] + top[1]), bottom[2]]),
+        panel=None,
+        handles=(),
+        hollow=False,
+        evidence=("the upper part of a case",),
+    )
 
 
 def moved_front(

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from articulate.reconstruct.scan.front_view import front_view
+from articulate.reconstruct.scan.front_view import heights_above
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -37,8 +37,6 @@ LEAST_RIM = 0.2
 INSIDE, OPEN_DEPTH = 0.8, 0.7
 """Share of each side of an open container that is inside, and of its height below which most of it
 is seen from above."""
-Z_TO_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""Rotation after which the view from above is the front view."""
 LOWER = 0.4
 """Share of the height of walls whose outline is that of a container."""
 WALL_LEAN = 0.1
@@ -175,12 +173,8 @@ def open_flaps(parts: Segmentation) -> list[PartProposal]:
 
 def _is_open_above(body: ScanMesh, box: Array) -> bool:
     """Return whether most of the inside of a box of walls (2, 3) is lower than its rim."""
-    from_above = front_view(body.transformed(Z_TO_X, 1.0, np.zeros(3)))
-    low, high = box @ Z_TO_X.T
-    middle, half = 0.5 * (low + high), 0.5 * INSIDE * np.abs(high - low)
-    rows, columns = from_above.window(np.r_[middle[1:] - half[1:], middle[1:] + half[1:]])
-    height = from_above.depth[rows, columns]
-    return bool(height.size and (height < low[0] + OPEN_DEPTH * (high[0] - low[0])).mean() > 0.5)
+    height = heights_above(body, box, INSIDE)
+    return bool(height.size and (height < box[0, 2] + OPEN_DEPTH * np.ptp(box[:, 2])).mean() > 0.5)
 
 
 def _walls(parts: Segmentation) -> Array | None:

@@ -55,6 +55,7 @@ PRECISION: Mapping[str, float] = {
     "a large disc in the front": 0.3,
     "a dial beside the fronts": 0.5,
     "a lever beside a dial": 0.5,
+    "the upper part of a case": 0.5,
     "its side of the object": 0.2,
     "a wide front with a centred handle": 0.2,
     "a cover on top of a container": 0.2,
