@@ -31,6 +31,8 @@ TALL = 1.2
 """Containers with a lid that are higher than this multiple of their width are bins."""
 MOST_MOVING = 0.95
 """Largest area of all moving parts, as a share of the object."""
+LEFT = 0.5
+"""Proposals that lose more than the rest of their area to knobs and wheels are these themselves."""
 UNSURE = 0.45
 """Largest confidence of fronts without handles and trays."""
 
@@ -144,7 +146,7 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
         divided = parts_by_handles(parts)
         certain = [front for front in fronts if sure and not _is_entire(parts, front)]
         if len(divided) > len(certain):
-            return FoundParts(parts=tuple(divided))
+            return FoundParts(parts=tuple(with_details(parts, divided)))
     porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         beside = [front for front in fronts if len(front.tray)]
@@ -160,6 +162,8 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
         lid = closed_lid(parts)
         if lid:
             return FoundParts(parts=tuple(with_details(parts, lid)), category=_lid_category(parts))
+    if not sure and wheels(parts):
+        fronts = []  # of a cart or a stand, which no handle or tray shows to move
     found = with_sliding(parts, front_parts(parts, fronts), every_front)
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
@@ -220,5 +224,13 @@ def with_details(
     bars = _clear_of(levers(parts, [*found, *turning, *dials]), [*turning, *dials])
     details = [*turning, *dials, *bars, *rolling]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
-    left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
-    return [p for p in [*left, *details] if len(p.faces)]
+    areas = parts.mesh.areas
+    rests = [np.setdiff1d(p.faces, own) for p in found]
+    kept = [
+        k
+        for k, (p, rest) in enumerate(zip(found, rests, strict=True))
+        if areas[rest].sum() > LEFT * areas[p.faces].sum()
+    ]
+    left = [replace(found[k], faces=rests[k]) for k in kept]
+    details = [replace(d, on=kept.index(d.on) if d.on in kept else None) for d in details]
+    return [*left, *details]

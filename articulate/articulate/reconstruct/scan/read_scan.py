@@ -27,6 +27,7 @@ from articulate.reconstruct.mesh_groups import groups_of
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.scan.alignment import aligned
+from articulate.reconstruct.scan.cells import components, edges_of
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.transforms import Array, Ints
 from articulate.untrusted import memory_limit, read_bounded
@@ -38,6 +39,8 @@ MANY_FACES = 200_000
 """Meshes with more triangles are simplified."""
 COARSE_SHARE = 1.0 / 600.0
 """Side of the cells to which the vertices of a large mesh are merged, a share of the diagonal."""
+ONE_SURFACE = 0.5
+"""Least area of the largest surface of the mesh of a scanner, as a share."""
 DENSE_FACES, DENSE_SIDE = 30_000, 0.02
 """Meshes of scanners have more triangles, all smaller than this share of the diagonal."""
 SMOOTHINGS, LARGEST_MOVE = 12, 0.0015
@@ -138,11 +141,14 @@ def read_scan(path: Path, hints: ScanHints) -> Scan:
 
 
 def _is_dense(mesh: ScanMesh) -> bool:
-    """Return whether a mesh consists of many small triangles only, as those of scanners do."""
+    """Return whether most of a mesh is one surface of small triangles, as those of scanners are."""
     if len(mesh.faces) < DENSE_FACES:
         return False
     side = np.sqrt(np.quantile(mesh.areas, 0.99))
-    return bool(side < DENSE_SIDE * mesh.diagonal)
+    if side > DENSE_SIDE * mesh.diagonal:
+        return False
+    shells = components(mesh, edges_of(mesh), colour=False)
+    return bool(shells.area.max() > ONE_SURFACE * shells.area.sum())
 
 
 def _smoothed(mesh: ScanMesh) -> ScanMesh:
