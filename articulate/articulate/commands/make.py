@@ -251,6 +251,7 @@ def _make(flags: MakeFlags, query: Query, part_set: PartSet, models: ModelOption
         iterations=flags.iterations,
         limit_s=flags.limit,
         seed=flags.seed,
+        progress=console.show_progress,
     )
     console.show_progress(f"{part_set.name}: {len(part_set.meshes)} parts, {query.description}")
     if flags.dry_run:
@@ -281,7 +282,13 @@ def _generate(flags: MakeFlags) -> MakeResult:
     proposal = propose_object(query, height_m=flags.size, library=_library(flags, cache))
     out = flags.out or Path("made") / proposal.name
     require_space(out, RESULT_BYTES, f"making {proposal.name}")
-    request = MakeRequest(out=out, cache=cache, limit_s=flags.limit, seed=flags.seed)
+    request = MakeRequest(
+        out=out,
+        cache=cache,
+        limit_s=flags.limit,
+        seed=flags.seed,
+        progress=console.show_progress,
+    )
     console.show_progress(f"{proposal.name}: {len(proposal.parts)} parts, {query.description}")
     with cache_in_use(cache):
         return make_object(query, proposal, request, proposal_s=time.monotonic() - start)
@@ -308,7 +315,12 @@ def _scan(flags: MakeFlags, path: Path) -> MakeResult:
     require_space(out, RESULT_BYTES, f"making {path.stem}")
     cache = cache_folder()
     request = MakeRequest(
-        out=out, cache=cache, joint=flags.joint, limit_s=flags.limit, seed=flags.seed
+        out=out,
+        cache=cache,
+        joint=flags.joint,
+        limit_s=flags.limit,
+        seed=flags.seed,
+        progress=console.show_progress,
     )
     hints = ScanHints(
         up=flags.up,

@@ -23,6 +23,10 @@ STEP = 0.00175
 help are then combined, once and twice as far: at most 0.5 %, a fifth of the error that the
 publication's protocol accepts."""
 
+LARGEST = 4.0 * 2.0**0.5
+"""Largest motion of a point of the part, in steps: twice the shift of the pivot, which is two steps
+in each of two directions. No deeper penetration is adjusted."""
+
 PartJoints = Mapping[str, PredictedJoint]
 """The joint of every part but the root, by part."""
 
@@ -44,6 +48,8 @@ def adjust_hinge(
     depth_m = penetration_m(check_report)
     part = max(depth_m, key=lambda name: depth_m[name], default="")
     if part not in part_joints or part_joints[part].kind not in {"revolute", "continuous"}:
+        return None
+    if depth_m[part] > LARGEST * STEP * size_m:
         return None
     towards = np.zeros(3)
     for direction in perpendicular_axes(normalised(part_joints[part].axis_o)):

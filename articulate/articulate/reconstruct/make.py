@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import tempfile
@@ -202,15 +203,18 @@ class _ProgramChecker:
         self, part_joints: PartJoints, write: Callable[[PartJoints], str], work: Path
     ) -> tuple[PartJoints, CheckReport]:
         """Check an object; adjust a hinge within its estimation error if it is rejected."""
+        name, report, trials = self.part_set.name, self.request.progress, itertools.count(1)
+        report(f"{name}: checking {len(part_joints)} joints")
         check_report = self.check(write(part_joints), work)
         if check_report.is_usable:
             return part_joints, check_report
-        adjusted = adjust_hinge(
-            part_joints,
-            check_report,
-            lambda trial: self.check(write(trial), work / "trial"),
-            diagonal_of(self.part_set.meshes),
-        )
+
+        def check_moved(trial: PartJoints) -> CheckReport:
+            report(f"{name}: parts collide slightly; checking a moved hinge, trial {next(trials)}")
+            return self.check(write(trial), work / "trial")
+
+        size_m = diagonal_of(self.part_set.meshes)
+        adjusted = adjust_hinge(part_joints, check_report, check_moved, size_m)
         if adjusted is None:
             return part_joints, check_report
         return adjusted, self.check(write(adjusted), work)

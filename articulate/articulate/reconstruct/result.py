@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +21,10 @@ MADE_FILE, TRACE_FILE, RECORDING_FILE = "made.json", "trace.html", "trace.rrd"
 URDF_FILE = "object.urdf"
 PROGRAM_FOLDER = "program"
 """Folder for the program and its URDF."""
+
+
+def _ignore(stage: str) -> None:
+    """Report nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +47,8 @@ class MakeRequest:
     """Processor time after which the check ends as undecided [s]."""
     seed: int = 0
     """Seed of all random numbers."""
+    progress: Callable[[str], None] = _ignore
+    """Function that reports each stage of the checks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,6 +14,7 @@ from articulate.reconstruct.hinge_adjustment import (
     penetration_m,
 )
 from articulate.reconstruct.make import _ProgramChecker
+from articulate.reconstruct.result import MakeRequest
 from articulate.render.parts import plain_part
 
 SIZE_M = 2.0
@@ -86,17 +87,18 @@ def test_what_nothing_helps_is_tried_in_four_directions_alone():
         asked.append(joints)
         return refused(grazes(1.0))
 
-    assert adjust_hinge(part_joints(), refused(grazes(0.01)), run_checks, SIZE_M) is None
+    assert adjust_hinge(part_joints(), refused(grazes(0.2 * STEP_M)), run_checks, SIZE_M) is None
     assert len(asked) == 4
 
 
 @pytest.mark.parametrize(
     ("kind", "check_report"),
     [
-        ("prismatic", refused(grazes(0.01))),
-        ("revolute", refused(grazes(0.01, part="drawer"))),
+        ("prismatic", refused(grazes(STEP_M))),
+        ("revolute", refused(grazes(STEP_M, part="drawer"))),
         ("revolute", refused()),
-        ("revolute", refused(grazes(0.01), Check(name="opening", outcome="failed", subject="x"))),
+        ("revolute", refused(grazes(6.0 * STEP_M))),
+        ("revolute", refused(grazes(STEP_M), Check(name="opening", outcome="failed", subject="x"))),
     ],
 )
 def test_nothing_else_is_tried(kind, check_report):
@@ -120,18 +122,25 @@ def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_pat
         asked.append((source, work.name))
         moved = source != str(said["lid"].pivot_o)
         return (
-            CheckReport(asset="box", verdict="passed") if moved and helps else refused(grazes(0.01))
+            CheckReport(asset="box", verdict="passed")
+            if moved and helps
+            else refused(grazes(0.001))
         )
 
     monkeypatch.setattr(_ProgramChecker, "check", check_report)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
-    part_set = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
-    checker = _ProgramChecker(part_set=part_set, request=None, actor="me")  # type: ignore[arg-type]  # it needs no more
+    meshes = [plain_part("lid", corners, np.array([[0, 1, 2]]))]
+    part_set = types.SimpleNamespace(name="box", meshes=meshes)
+    stages = []
+    request = MakeRequest(out=tmp_path, cache=tmp_path, progress=stages.append)
+    checker = _ProgramChecker(part_set=part_set, request=request, actor="me")  # type: ignore[arg-type]  # it needs no more
     found, report = checker.check_or_adjust(
         said, lambda joints: str(joints["lid"].pivot_o), tmp_path
     )
     assert report.verdict == ("passed" if helps else "rejected")
     assert (found is said) is not helps
+    assert stages[0] == "box: checking 2 joints"
+    assert stages[-1].endswith(f"trial {1 if helps else 4}")
     places = [place for _, place in asked]
     trials = ["trial", tmp_path.name] if helps else ["trial"] * 4
     assert places == [tmp_path.name, *trials]
