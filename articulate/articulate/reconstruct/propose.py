@@ -84,7 +84,6 @@ def _from_video(
     left, right, top, bottom = seen.box_px
     corners = np.array([[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0]])
     corners = np.vstack([corners, [left, bottom, 1.0]])
-    tracks = np.array(seen.tracks, dtype=np.int64)
     views = []
     for key in (0, -1):
         uv = corners @ np.linalg.inv(motion.camera[key]).T
@@ -94,8 +93,7 @@ def _from_video(
             VideoView(
                 image=query.video[key],
                 moving_px=(float(left), float(right), float(top), float(bottom)),
-                part_px=scale * motion.raw_uv[key, tracks[motion.visible[key, tracks]]],
-                flows=flows_of(motion.seen_from(key), motion.visible, motion.size_px, tracks),
+                flows=flows_of(motion.seen_from(key), motion.visible, motion.size_px),
                 key=key,
             )
         )

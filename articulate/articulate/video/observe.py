@@ -86,8 +86,6 @@ class Observation:
     """Number of parts that seem to be operated."""
     openings: tuple[float, ...]
     """Logarithm of the likelihood of each opening of ``opening_direction``."""
-    tracks: tuple[int, ...] = ()
-    """Indices of the tracks of the part."""
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -268,7 +266,6 @@ def _observation(
         travel=float(np.ptp(positions)),
         moving_parts=moving_parts,
         openings=tuple(float(value) for value in openings),
-        tracks=tuple(int(name) for name in part.names),
     )
 
 

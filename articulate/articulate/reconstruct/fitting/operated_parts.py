@@ -8,19 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.errors import ConfigError
-from articulate.library.procedural.front_layout import (
-    MOVING,
-    FrontLayout,
-    FrontPanel,
-    HingeSide,
-    PanelKind,
-)
+from articulate.library.procedural.front_layout import MOVING, FrontPanel, HingeSide, PanelKind
 from articulate.library.procedural.materials import PALETTE
 from articulate.library.procedural.truth import origins
 from articulate.reconstruct.fitting.box_fit import BoxFit
 from articulate.reconstruct.fitting.categories import USUAL, Generated
 from articulate.reconstruct.fitting.front_network import KINDS
-from articulate.reconstruct.fitting.front_panels import with_fixed
 from articulate.reconstruct.fitting.object_front import ObjectFront
 from articulate.reconstruct.fitting.part_motion import JointMotion
 from articulate.reconstruct.link_meshes import HALF_TURN
@@ -55,14 +48,6 @@ STRUCTURE: Mapping[str, tuple[PanelKind, ...]] = {
     "Refrigerator": ("door", "drawer"),
 }
 """Kinds of panels of a category; any kind for others. Their flaps fall open."""
-FREE = frozenset({"StorageFurniture", "Table", "Refrigerator"})
-"""Categories whose panels can be anywhere on the front."""
-SEEN = 0.5
-"""Probability of the panel that the moving points show, beside those of the image."""
-FEWEST_POINTS, ON_FRONT, BORDER = 12, 0.6, 0.08
-"""Fewest moving points, least share of them on the front, and the width of its border."""
-OUTLIERS, GROWN = 0.04, 0.05
-"""Share of the points beyond each edge of the moving panel, and what is added to each side."""
 OPEN_WHEN_FITTED: Mapping[str, float] = {"Laptop": 1.75}
 """Position of the joints at which the box of a category is fitted [rad]; else closed."""
 Region = tuple[float, float, float, float]
@@ -82,7 +67,7 @@ class OperatedPart:
 
 
 def operated_parts(
-    category: str, generated: Generated, front: ObjectFront, moving_px: Region, part_px: Array
+    category: str, generated: Generated, front: ObjectFront, moving_px: Region
 ) -> tuple[OperatedPart, ...]:
     """Return the parts of an object that may have moved, with each structure it can have.
 
@@ -91,14 +76,9 @@ def operated_parts(
         generated: Object of the image.
         front: Its front.
         moving_px: Left, right, top and bottom of the region of the image that moves [px].
-        part_px: Points of the moving part (N, 2) [px].
     """
     if generated.layout is not None:
-        seen = _with_seen_panel(generated.layout, front, part_px) if category in FREE else None
-        return (
-            *_panels(category, generated, front, moving_px),
-            *(() if seen is None else _openings_of(category, generated, seen, 0, SEEN)),
-        )
+        return tuple(_panels(category, generated, front, moving_px))
     found = [
         OperatedPart(
             category=category,
@@ -132,81 +112,22 @@ def _panels(
         panel = layout.panels[k]
         known = panel.kind in MOVING
         seen = (1.0 - MISSED) / max(moving, 1) if known else MISSED / (len(layout.panels) - moving)
-        yield from _openings_of(category, generated, layout, k, seen, kinds[k] if known else None)
-
-
-def _openings_of(
-    category: str,
-    generated: Generated,
-    layout: FrontLayout,
-    k: int,
-    seen: float,
-    kinds: Mapping[tuple[PanelKind, HingeSide], float] | None = None,
-) -> Iterator[OperatedPart]:
-    """Yield one panel of a layout as a drawer, door and flap.
-
-    Args:
-        category: PartNet-Mobility's name.
-        generated: Object of the image.
-        layout: Its front.
-        k: Index of the panel.
-        seen: Probability of the panel.
-        kinds: Probability of each kind and hinge; None: equal.
-    """
-    panel = layout.panels[k]
-    for kind, hinge in _openings(category):
-        name = panel.name if panel.kind == kind and panel.name else f"moved_{kind}"
-        changed = replace(panel, kind=kind, hinge=hinge, name=name)
-        panels = (*layout.panels[:k], changed, *layout.panels[k + 1 :])
-        try:
-            other = replace(layout, panels=panels)
-        except ConfigError:  # too small for a joint
-            continue
-        share = seen * _prior(category, changed) * (0.2 if kinds is None else kinds[(kind, hinge)])
-        yield OperatedPart(
-            category=category,
-            generated=replace(generated, layout=other, parts=tuple(other.parts())),
-            part=name,
-            share=share,
-        )
-
-
-def _with_seen_panel(layout: FrontLayout, front: ObjectFront, part_px: Array) -> FrontLayout | None:
-    """Return a layout whose first panel is where the moving points are on the front, if closed.
-
-    Panels that it overlaps are removed. None if few points are on the front.
-    """
-    fit, base = front.fit, front.base_share
-    if len(part_px) < FEWEST_POINTS:
-        return None
-    ends = [fit.camera.unproject(part_px, np.full(len(part_px), depth)) for depth in (1.0, 2.0)]
-    ahead = ends[1] - ends[0]
-    at = ends[0] + ahead * ((fit.depth / 2 - ends[0][:, 0]) / ahead[:, 0])[:, None]
-    shares = np.stack(
-        [at[:, 1] / fit.width + 0.5, (at[:, 2] - base) / max(1.0 - base, 1e-6)], axis=1
-    )
-    on = (np.abs(shares - 0.5) < 0.5 + BORDER).all(axis=1)
-    if on.mean() < ON_FRONT:
-        return None
-    low, high = np.quantile(shares[on], (OUTLIERS, 1.0 - OUTLIERS), axis=0)
-    grow = GROWN * (high - low)
-    low, high = np.clip(low - grow, 0.0, 1.0), np.clip(high + grow, 0.0, 1.0)
-    low, high = np.where(low < BORDER, 0.0, low), np.where(high > 1.0 - BORDER, 1.0, high)
-    (left, bottom), (right, top) = np.round(low, 4).tolist(), np.round(high, 4).tolist()
-    clear = [
-        panel
-        for panel in layout.panels
-        if panel.kind in MOVING
-        and (
-            min(panel.right, right) - max(panel.left, left) <= 0.0
-            or min(panel.top, top) - max(panel.bottom, bottom) <= 0.0
-        )
-    ]
-    try:
-        own = FrontPanel(kind="panel", left=left, right=right, bottom=bottom, top=top)
-        return replace(layout, panels=with_fixed([own, *clear], "panel", "panel"))
-    except ConfigError:
-        return None
+        for kind, hinge in _openings(category):
+            same = panel.kind == kind
+            name = panel.name if same and panel.name else f"moved_{kind}"
+            changed = replace(panel, kind=kind, hinge=hinge, name=name)
+            panels = (*layout.panels[:k], changed, *layout.panels[k + 1 :])
+            try:
+                other = replace(layout, panels=panels)
+            except ConfigError:  # too small for a joint
+                continue
+            share = seen * _prior(category, changed) * (kinds[k][(kind, hinge)] if known else 0.2)
+            yield OperatedPart(
+                category=category,
+                generated=replace(generated, layout=other, parts=tuple(other.parts())),
+                part=name,
+                share=share,
+            )
 
 
 def _openings(category: str) -> list[tuple[PanelKind, HingeSide]]:

@@ -18,7 +18,7 @@ from articulate.reconstruct.actors.protocol import JointKind
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh
 from articulate.render.scene import PartScene
-from articulate.transforms import Array, Ints, apply, axis_angle_to_matrix, pose
+from articulate.transforms import Array, apply, axis_angle_to_matrix, pose
 
 STATES = 9
 """Positions of the joint that are compared."""
@@ -78,26 +78,19 @@ class MotionMatch:
     """Position of the joint at each key frame (``STEPS`` + 1,) [rad or unit of the object]."""
 
 
-def flows_of(
-    uv: Array, visible: NDArray[np.bool_], size_px: tuple[int, int], part: Ints
-) -> tuple[Flow, ...]:
+def flows_of(uv: Array, visible: NDArray[np.bool_], size_px: tuple[int, int]) -> tuple[Flow, ...]:
     """Return the motion of tracks between key frames, at the working resolution.
 
     Args:
         uv: Pixels (T, N, 2), without the motion of the camera.
         visible: Visibility (T, N).
         size_px: Width and height of the frames [px].
-        part: Tracks of the moving part; others that move, such as those of an arm, are left out.
     """
-    own = np.zeros(uv.shape[1], dtype=bool)
-    own[part] = True
     scale = WORK_PX / max(size_px)
     keys = np.unique(np.linspace(0, len(uv) - 1, STEPS + 1).round().astype(int))
     flows = []
     for first, second in itertools.pairwise(keys):
         names = np.flatnonzero(visible[first] & visible[second])
-        moved = scale * np.linalg.norm(uv[second, names] - uv[first, names], axis=1)
-        names = names[own[names] | (moved < NOISE_PX)]
         names = names[:: max(1, -(-len(names) // MOST_POINTS))]
         flows.append(Flow(here=scale * uv[first, names], there=scale * uv[second, names]))
     return tuple(flows)

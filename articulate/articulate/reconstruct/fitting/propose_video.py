@@ -44,12 +44,9 @@ MOST_CATEGORIES = 5
 """Categories that are fitted."""
 LEAST_CATEGORY = 0.03
 """Probability of a category over that of the most probable one below which it is not fitted."""
-COST_SCALE = 0.06
-"""Error of the motion that makes a joint, or a category, less probable by a factor of e."""
-TYPE_WEIGHT = 2.0
-"""Weight of the joint type, as seen from the tracks without the object."""
-STILL = 0.05
-"""A joint that moves by less than this share of its range does not explain a motion."""
+COST_SCALE, CATEGORY_COST_SCALE = 0.025, 0.06
+"""Error of the motion that makes a joint of a category, and the category, less probable by a factor
+of e."""
 SHARE_WEIGHT = 0.5
 """Weight of the probability of a part among those of its category."""
 OPENING_WEIGHT = 0.5
@@ -66,8 +63,6 @@ class VideoView:
     """Colours (H, W, 3)."""
     moving_px: tuple[float, float, float, float]
     """Left, right, top and bottom of the moving region [px]."""
-    part_px: Array
-    """Points of the moving part (N, 2) [px]."""
     flows: tuple[Flow, ...]
     """Motion of points between key frames, as seen from the camera of this frame."""
     key: int
@@ -128,8 +123,6 @@ def propose_from_video(
             k, view, masks[k], category, p_revolute=p_revolute, openings=openings, height_m=height_m
         )
     ]
-    moved = [one for one in candidates if np.ptp(one.match.positions) > STILL * one.joint.span]
-    candidates = moved or candidates
     logs = _with_categories(candidates, probabilities)
     best = candidates[int(np.argmax(logs))]
     scores = np.exp(logs - logs.max())
@@ -198,7 +191,7 @@ def _with_categories(candidates: Sequence[_Candidate], probabilities: Mapping[st
         same = np.flatnonzero(names == name)
         best = same[int(np.argmax(out[same]))]
         level = np.log(max(probabilities[name], 1e-9)) + candidates[best].opening
-        level -= candidates[best].match.cost / COST_SCALE
+        level -= candidates[best].match.cost / CATEGORY_COST_SCALE
         out[same] += level - out[best]
     return out
 
@@ -217,7 +210,7 @@ def _candidates(
     front = find_front(view.image, mask, USUAL[category].prior)
     generated = generate(category, front, height_m)
     out = []
-    for operated in operated_parts(category, generated, front, view.moving_px, view.part_px):
+    for operated in operated_parts(category, generated, front, view.moving_px):
         meshes, joint = fitted_joint(operated, front.fit)
         match = match_motion(meshes, joint, front.fit.camera, view.flows)
         slides = joint.kind == "prismatic"
@@ -225,7 +218,7 @@ def _candidates(
         opened = abs(float(match.positions[view.key]) - joint.fitted) / joint.span
         score = (
             SHARE_WEIGHT * np.log(max(operated.share, 1e-9))
-            + TYPE_WEIGHT * np.log(max(1.0 - p_revolute if slides else p_revolute, 1e-3))
+            + np.log(max(1.0 - p_revolute if slides else p_revolute, 1e-3))
             - match.cost / COST_SCALE
             - opened / OPEN_SCALE
             + opening

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -15,7 +14,7 @@ import pytest
 from articulate.commands import main
 from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
-from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, HingeSide, grid
+from articulate.library.procedural.front_layout import FrontLayout, HingeSide, grid
 from articulate.library.procedural.materials import PALETTE
 from articulate.reconstruct.fitting import box_fit, object_front, propose_video
 from articulate.reconstruct.fitting import propose as module
@@ -23,9 +22,8 @@ from articulate.reconstruct.fitting.box_fit import box_corners
 from articulate.reconstruct.fitting.box_network import BoxPrediction
 from articulate.reconstruct.fitting.categories import USUAL, Generated, scaled
 from articulate.reconstruct.fitting.front_network import FrontPart
-from articulate.reconstruct.fitting.front_panels import with_fixed
 from articulate.reconstruct.fitting.operated_parts import OperatedPart, fitted_joint
-from articulate.reconstruct.fitting.part_motion import WORK_PX, Flow, JointMotion, flows_of
+from articulate.reconstruct.fitting.part_motion import WORK_PX, Flow, JointMotion
 from articulate.reconstruct.fitting.propose import propose
 from articulate.reconstruct.fitting.propose_video import VideoView, propose_from_video
 from articulate.reconstruct.link_meshes import HALF_TURN
@@ -122,89 +120,6 @@ def test_the_operated_part_and_its_hinge_follow_from_the_tracks(
     named(monkeypatch, photo, "StorageFurniture")
     panels = list(grid(2, 2, "drawer"))
     panels[0] = replace(panels[0], kind="door", hinge=hinge, name="door")
-    meshes, joint, camera = door_of(photo, panels)
-    found = propose_from_video([view_of(photo, flows_of_door(meshes, joint, camera))], 0.5)
-    assert found.evidence["moved_door"] == "video"
-    moved = next(part for part in found.parts if part.name == "moved_door")
-    assert moved.motion is not None
-    assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
-
-
-@pytest.mark.parametrize("hinge", ["left", "right"])
-def test_a_door_that_the_image_does_not_show_is_where_its_points_are(
-    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, hinge: HingeSide
-) -> None:
-    named(monkeypatch, photo, "StorageFurniture")
-    monkeypatch.setattr(object_front, "find_parts", lambda front, aspect: DRAWERS[:1])
-    door = FrontPanel(
-        kind="door", left=0.6, right=1.0, bottom=0.0, top=0.7, hinge=hinge, name="door"
-    )
-    meshes, joint, camera = door_of(photo, with_fixed([door], "panel", "panel"))
-    seen = PartScene(meshes).rasterize(camera)
-    moving = [k for k, mesh in enumerate(meshes) if mesh.name == "door"]
-    v, u = np.nonzero(np.isin(seen.part_ids, moving))
-    part_px = np.stack([u, v], axis=1)[::50].astype(np.float64)
-    found = propose_from_video([view_of(photo, flows_of_door(meshes, joint, camera), part_px)], 0.9)
-    moved = next(part for part in found.parts if part.name == "moved_door")
-    assert moved.motion is not None
-    assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
-    (mesh,) = [mesh for mesh in part_meshes(found.parts, found.palette) if mesh.name == moved.name]
-    width, height = np.ptp(mesh.vertices, axis=0)[1:]
-    assert width == pytest.approx(0.4 * WIDTH_M, abs=0.07)
-    assert height == pytest.approx(0.7 * HEIGHT_M, abs=0.12)
-
-
-def test_other_points_that_move_are_left_out() -> None:
-    uv = np.zeros((11, 3, 2))
-    uv[:, 0, 0] = uv[:, 1, 0] = np.linspace(0.0, 90.0, 11)
-    flows = flows_of(uv, np.ones((11, 3), dtype=np.bool_), (WORK_PX, WORK_PX), np.array([0]))
-    assert [len(flow.here) for flow in flows] == [2] * 10  # the part, and the point at rest
-
-
-@pytest.mark.parametrize("turn", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
-def test_the_direction_of_opening_decides_where_the_tracks_do_not(
-    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, turn: tuple[float, float, float]
-) -> None:
-    named(monkeypatch, photo, "StorageFurniture")
-    openings = np.full(OPENINGS, -30.0)
-    openings[opening_index("revolute", np.array(turn))] = 0.0
-    still = Flow(here=np.full((1, 2), 50.0), there=np.full((1, 2), 50.0))
-    view = view_of(photo, (still,))
-    found = propose_from_video([view], 1.0, openings=openings.tolist())
-    (name,) = [name for name, source in found.evidence.items() if source == "video"]
-    motion = next(part for part in found.parts if part.name == name).motion
-    assert motion is not None
-    assert motion.axis == pytest.approx(HALF_TURN @ np.array(turn))
-
-
-def test_the_category_of_a_video_is_seen_in_both_views(
-    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
-) -> None:
-    seen = iter([{"Box": 0.6, "Laptop": 0.4}, {"Box": 0.1, "Laptop": 0.9}])
-    monkeypatch.setattr(propose_video, "category_probabilities", lambda *_: next(seen))
-    view = view_of(photo, ())
-    mask = np.ones(photo.image.shape[:2], dtype=np.bool_)
-    found = propose_video._probabilities([view, view], [mask, mask], 1.0, None)
-    assert found["Laptop"] == pytest.approx(0.6 / (0.6 + np.sqrt(0.06)), abs=0.01)
-
-
-def view_of(
-    photo: RenderedPhoto, flows: tuple[Flow, ...], part_px: Array | None = None
-) -> VideoView:
-    """Return a view in which anything may have moved."""
-    return VideoView(
-        image=photo.image,
-        moving_px=(0.0, 640.0, 0.0, 480.0),
-        part_px=np.zeros((0, 2)) if part_px is None else part_px,
-        flows=flows,
-        key=0,
-    )
-
-
-def door_of(
-    photo: RenderedPhoto, panels: Sequence[FrontPanel]
-) -> tuple[tuple[PartMesh, ...], JointMotion, Camera]:
-    """Return the meshes of furniture with a door, its joint, and the camera in their frame."""
     layout = FrontLayout(
         panels=tuple(panels), width_m=WIDTH_M, depth_m=DEPTH_M, height_m=HEIGHT_M, finish="oak"
     )
@@ -222,7 +137,42 @@ def door_of(
         cost=0.0,
         parameters={},
     )
-    return (*fitted_joint(operated, box), box.camera)
+    meshes, joint = fitted_joint(operated, box)
+    flows = flows_of_door(meshes, joint, box.camera)
+    view = VideoView(image=photo.image, moving_px=(0.0, 640.0, 0.0, 480.0), flows=flows, key=0)
+    found = propose_from_video([view], 0.5)
+    assert found.evidence["moved_door"] == "video"
+    moved = next(part for part in found.parts if part.name == "moved_door")
+    assert moved.motion is not None
+    assert moved.motion.axis == (0.0, 0.0, -1.0 if hinge == "left" else 1.0)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
+def test_the_direction_of_opening_decides_where_the_tracks_do_not(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, turn: tuple[float, float, float]
+) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    openings = np.full(OPENINGS, -30.0)
+    openings[opening_index("revolute", np.array(turn))] = 0.0
+    still = Flow(here=np.full((1, 2), 50.0), there=np.full((1, 2), 50.0))
+    region = (0.0, 640.0, 0.0, 480.0)
+    view = VideoView(image=photo.image, moving_px=region, flows=(still,), key=0)
+    found = propose_from_video([view], 1.0, openings=openings.tolist())
+    (name,) = [name for name, source in found.evidence.items() if source == "video"]
+    motion = next(part for part in found.parts if part.name == name).motion
+    assert motion is not None
+    assert motion.axis == pytest.approx(HALF_TURN @ np.array(turn))
+
+
+def test_the_category_of_a_video_is_seen_in_both_views(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+) -> None:
+    seen = iter([{"Box": 0.6, "Laptop": 0.4}, {"Box": 0.1, "Laptop": 0.9}])
+    monkeypatch.setattr(propose_video, "category_probabilities", lambda *_: next(seen))
+    view = VideoView(image=photo.image, moving_px=(0.0, 640.0, 0.0, 480.0), flows=(), key=0)
+    mask = np.ones(photo.image.shape[:2], dtype=np.bool_)
+    found = propose_video._probabilities([view, view], [mask, mask], 1.0, None)
+    assert found["Laptop"] == pytest.approx(0.6 / (0.6 + np.sqrt(0.06)), abs=0.01)
 
 
 def moved_eye(T_wc: Array) -> Array:
