@@ -131,7 +131,7 @@ def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_pat
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
     meshes = [plain_part("lid", corners, np.array([[0, 1, 2]]))]
     part_set = types.SimpleNamespace(name="box", meshes=meshes)
-    stages = []
+    stages: list[str] = []
     request = MakeRequest(out=tmp_path, cache=tmp_path, progress=stages.append)
     checker = _ProgramChecker(part_set=part_set, request=request, actor="me")  # type: ignore[arg-type]  # it needs no more
     found, report = checker.check_or_adjust(

@@ -56,6 +56,8 @@ FLAP = 0.7
 MIRROR, MIRRORED = 0.3, 0.05
 """Largest difference of the sides of two handles of one panel, as a share, and of their middle from
 that of the panel, as a share of its width."""
+SYMMETRIC = 0.005
+"""Largest offset of a panel in the middle of the object, as a share of its width."""
 CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
 COVERING = 0.8
@@ -539,5 +541,5 @@ def _hinge_side(
         partner = beside[0].panel
         return bool(partner.centre[0] > panel.centre[0]), "a partner beside it", 0.7
     middle = float(parts.mesh.bounds[:, 1].mean())
-    right = panel.centre[0] > middle + MIRRORED * parts.mesh.size[1]
+    right = panel.centre[0] > middle + SYMMETRIC * parts.mesh.size[1]
     return not right, "its side of the object", 0.4
