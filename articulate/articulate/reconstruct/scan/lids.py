@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from articulate.reconstruct.scan.front_view import heights_above
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
@@ -57,7 +59,11 @@ SLIM = 0.2
 DOOR_AREA = 0.04
 """Least area of a shell of a door that is ajar, as a share of the object."""
 FRAME_AREA = 0.02
-"""Least area of a shell to which a door that is ajar can be hinged, as a share of the object."""
+"""Least area of a shell of a frame, as a share of the object; smaller ones touch a larger one, as
+hinges do and latches of the door do not."""
+SAMPLES, TOUCHING = 4000, 0.015
+"""Points on the large shells of a frame, and the largest distance of a shell that touches them, as
+a share of the diagonal."""
 HANDLE_REACH = 0.12
 """Height of handles over a door that is ajar, as a share of its width."""
 
@@ -252,6 +258,27 @@ def _open_flap(parts: Segmentation, faces: Ints, walls: Array) -> PartProposal |
     )
 
 
+def _frame(parts: Segmentation, rest: Ints) -> Ints:
+    """Return the faces of what carries a door that is ajar: large shells and those that touch them.
+
+    Args:
+        parts: The object.
+        rest: Faces that are not of the door.
+    """
+    mesh, shells = parts.mesh, parts.shells
+    label = shells.label[rest]
+    large = shells.area > FRAME_AREA * mesh.areas.sum()
+    if not large[label].any():
+        return rest
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces[rest[large[label]]], process=False)
+    points, _ = trimesh.sample.sample_surface(surface, SAMPLES, seed=0)
+    distance, _ = cKDTree(points).query(mesh.triangles[rest].mean(axis=1))
+    gap = np.full(shells.count, np.inf)
+    np.minimum.at(gap, label, distance)
+    near = gap < TOUCHING * mesh.diagonal
+    return np.asarray(rest[(large | near)[label]])
+
+
 def _foot(points: Array, walls: Array, axis: int, sign: float) -> tuple[float, int, Array, Array]:
     """Return how well points meet one side of a rim, its axis, its inward direction, its points.
 
@@ -306,9 +333,7 @@ def _ajar(
     rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     if not len(faces) or not len(rest):
         return []
-    shells = parts.shells
-    large = rest[shells.area[shells.label[rest]] > FRAME_AREA * mesh.areas.sum()]
-    others = mesh.triangles[large if len(large) else rest].reshape(-1, 3)
+    others = mesh.triangles[_frame(parts, rest)].reshape(-1, 3)
     ends = [centre + sign * 0.5 * sides[0] * along for sign in (-1.0, 1.0)]
     gaps = [float(np.linalg.norm(others[:, :2] - end, axis=1).min()) for end in ends]
     middle = others[:, :2].mean(axis=0)

@@ -75,6 +75,16 @@ def window():
     return [*frame, pane], [[sash, handle]]
 
 
+def test_a_door_that_is_ajar_is_hinged_where_its_hinges_touch_the_body():
+    turn = trimesh.transformations.rotation_matrix(np.radians(-40), (0, 0, 1), (0.56, -0.4, 0))
+    door = box((0.55, -0.4, 0.02), (0.58, 0.4, 0.88)).apply_transform(turn)
+    latch = box((0.5, 0.38, 0.4), (0.54, 0.42, 0.5)).apply_transform(turn)  # far behind the leaf
+    hinges = [box((0.5, -0.42, z), (0.56, -0.4, z + 0.06)) for z in (0.1, 0.7)]
+    _, _, found = found_in([*carcass(), *hinges], [[door, latch]])
+    (leaf,) = [part for part in found if part.kind == "door"]
+    np.testing.assert_allclose(leaf.pivot[:2], (0.56, -0.4), atol=0.04)
+
+
 def generated(name):
     """Parts of a procedural object, and those that its joint moves."""
     true = LibraryDataset("procedural", ProceduralLibrary(10)).load(name)
