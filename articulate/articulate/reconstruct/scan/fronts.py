@@ -60,6 +60,8 @@ SYMMETRIC = 0.005
 """Largest offset of a panel in the middle of the object, as a share of its width."""
 CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
+FLAT = 0.5
+"""Largest height of a case, as a share of its smaller side."""
 COVERING = 0.8
 """Least share of the width and depth of the object that a lid covers."""
 TRAVEL = 0.75
@@ -353,8 +355,10 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
 
 
 def _topmost(parts: Segmentation, base: PartProposal) -> PartProposal | None:
-    """Return a part that nothing is above, on a body of the same outline, as a lid; or None."""
+    """Return the part above a flat body of the same outline as a lid; None for other parts."""
     low, high = parts.mesh.bounds
+    if parts.mesh.size[2] > FLAT * parts.mesh.size[:2].min():
+        return None  # of furniture, this is a drawer
     corners = parts.mesh.triangles[base.faces].reshape(-1, 3)
     bottom, top = corners.min(axis=0), corners.max(axis=0)
     covers = ((top - bottom)[:2] > COVERING * (high - low)[:2]).all()
