@@ -153,11 +153,16 @@ def _is_closed(parts: Segmentation, top: float) -> bool:
 
 
 def open_flaps(parts: Segmentation) -> list[PartProposal]:
-    """Propose the plates above or outside the rim of a container as open flaps."""
+    """Propose the plates above or outside the rim of a container as open flaps.
+
+    The lowest possible rim counts: an upright flap looks like a part of its wall.
+    """
+    return next((found for box in _walls(parts) if (found := _flaps_at(parts, box))), [])
+
+
+def _flaps_at(parts: Segmentation, box: Array) -> list[PartProposal]:
+    """Return the open flaps of a container with its walls in a box (2, 3) [m]."""
     mesh, cells = parts.mesh, parts.facets
-    box = _walls(parts)
-    if box is None:
-        return []
     rim, slack = float(box[1, 2]), 0.02 * float(mesh.size[2])
     sides = np.sort(np.ptp(cells.boxes, axis=1), axis=1)
     outer = np.maximum(box[0, :2] - cells.boxes[:, 0, :2], cells.boxes[:, 1, :2] - box[1, :2])
@@ -183,21 +188,27 @@ def _is_open_above(body: ScanMesh, box: Array) -> bool:
     return bool(height.size and (height < box[0, 2] + OPEN_DEPTH * np.ptp(box[:, 2])).mean() > 0.5)
 
 
-def _walls(parts: Segmentation) -> Array | None:
-    """Return the box of the upright facets from the floor up to the rim (2, 3) [m], or None."""
+def _walls(parts: Segmentation) -> list[Array]:
+    """Return boxes (2, 3) of the upright facets from the floor up to each possible rim [m]."""
     mesh, cells = parts.mesh, parts.facets
     floor, height = float(mesh.bounds[0, 2]), float(mesh.size[2])
     lean = np.bincount(cells.label, mesh.areas * np.abs(mesh.normals[:, 2]), cells.count)
     walls = (lean < WALL_LEAN * cells.area) & (cells.area > FLAP_AREA * cells.area.sum())
-    rim = floor
+    reach, rims = floor + 0.1 * height, []
     for bottom, top in sorted(zip(*cells.boxes[walls, :, 2].T, strict=True)):  # one upon another
-        if bottom < max(rim, floor + 0.1 * height) + parts.near:
-            rim = max(rim, float(top))
-    if rim < floor + LEAST_RIM * height:
-        return None
-    lower = mesh.triangles[mesh.triangles[..., 2].mean(axis=1) < floor + LOWER * (rim - floor)]
-    corners = lower.reshape(-1, 3)
-    return np.stack([corners.min(axis=0), np.r_[corners[:, :2].max(axis=0), rim]])
+        if bottom < reach + parts.near:
+            reach = max(reach, float(top))
+            rims.append(float(top))
+    found: list[Array] = []
+    for rim in sorted(rims):
+        if rim < floor + LEAST_RIM * height or (found and rim < found[-1][1, 2] + parts.near):
+            continue
+        lower = mesh.triangles[mesh.triangles[..., 2].mean(axis=1) < floor + LOWER * (rim - floor)]
+        corners = lower.reshape(-1, 3)
+        if len(corners):
+            high = np.r_[corners[:, :2].max(axis=0), rim]
+            found.append(np.stack([corners.min(axis=0), high]))
+    return found
 
 
 def _plates(parts: Segmentation, faces: Ints) -> list[Ints]:

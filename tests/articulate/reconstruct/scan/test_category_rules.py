@@ -123,7 +123,14 @@ def test_a_lid_with_a_hinge_at_the_rim_turns_about_it(ear):
 
 
 @pytest.mark.parametrize(
-    "angles", [(45, 45, 45, 45), (120, 130, 140, 150), (180, 175, 185, 180), (215, 60, 225, 70)]
+    "angles",
+    [
+        (45, 45, 45, 45),
+        (120, 130, 140, 150),
+        (180, 175, 185, 180),
+        (215, 60, 225, 70),
+        (120, 60, 200, 100),
+    ],
 )
 def test_flaps_of_an_open_box_turn_about_the_rim_that_they_share_with_its_walls(angles):
     mesh, label = open_box(*angles)
