@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from articulate.reconstruct.scan.discs import knobs
 from articulate.reconstruct.scan.fronts import all_fronts, moved_front
 from articulate.reconstruct.scan.panels import Handle
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
-from articulate.transforms import Array
+from articulate.transforms import Array, axis_angle_to_matrix
 
 THIN, TALL = 0.2, 1.4
 """Largest depth of a room door and its least height, as shares of its height and its width."""
@@ -129,7 +128,7 @@ def _covers(handle: Handle, dial: PartProposal) -> bool:
 
 def details_of_ajar(parts: Segmentation, door: PartProposal) -> list[PartProposal]:
     """Propose the dials and levers of a door that is ajar, found in its closed pose."""
-    closing = Rotation.from_rotvec(door.lower * door.axis).as_matrix()
+    closing = axis_angle_to_matrix(door.axis, door.lower)
     local = Segmentation(parts.mesh.select(door.faces).transformed(closing, 1.0, np.zeros(3)))
     fronts = all_fronts(local)
     if not fronts:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from articulate.reconstruct.scan.cells import components, edges_of
 from articulate.reconstruct.scan.front_view import heights_above
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
@@ -44,8 +43,8 @@ LOWER = 0.4
 WALL_LEAN = 0.1
 """Largest vertical part of the normals of a wall."""
 UPRIGHT = 0.25
-"""Least reach of an open flap beyond the walls, as a share of its longest side."""
-HELD = 0.4
+"""Least reach of an open flap beyond the walls, as a share of its shorter side."""
+LEAST_EDGE = 0.4
 """Least length of the lower edge of an open flap less its gap to the rim, as a share of its longest
 side."""
 WIDEST_RAD = 2.5 * QUARTER_RAD
@@ -213,22 +212,15 @@ def _walls(parts: Segmentation) -> list[Array]:
 
 def _plates(parts: Segmentation, faces: Ints) -> list[Ints]:
     """Group faces that share an edge, and those of both sides of one plate."""
-    number = np.full(len(parts.mesh.faces), -1)
-    number[faces] = np.arange(len(faces))
-    pairs = number[parts.edges.pairs]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(faces), len(faces)))
-    label = connected_components(graph, directed=False)[1]
-    groups = [faces[label == k] for k in range(int(label.max(initial=-1)) + 1)]
-    boxes = [parts.mesh.triangles[group].reshape(-1, 3) for group in groups]
+    upper = parts.mesh.select(faces)
+    cells = components(upper, edges_of(upper), colour=False)
     merged: list[tuple[Array, list[Ints]]] = []
-    for group, points in zip(groups, boxes, strict=True):
-        box = np.stack([points.min(axis=0), points.max(axis=0)])
+    for box, members in zip(cells.boxes, cells.members, strict=True):
         same = [m for m in merged if (np.abs(m[0] - box) < 4.0 * parts.near).all()]
         if same:
-            same[0][1].append(group)
+            same[0][1].append(faces[members])
         else:
-            merged.append((box, [group]))
+            merged.append((box, [faces[members]]))
     return [np.sort(np.concatenate(members)) for _, members in merged]
 
 
@@ -250,8 +242,8 @@ def _open_flap(parts: Segmentation, faces: Ints, walls: Array) -> PartProposal |
     if thickness > SLIM * length or width < SLIM * length or outside.max() < UPRIGHT * width:
         return None
     ends = [_foot(points, walls, axis, sign) for axis in (0, 1) for sign in (1.0, -1.0)]
-    held, _, inward, foot = max(ends, key=lambda end: end[0])
-    if held < HELD * length:
+    edge, inward, foot = max(ends, key=lambda end: end[0])
+    if edge < LEAST_EDGE * length:
         return None
     middle = 0.5 * (foot.min(axis=0) + foot.max(axis=0))
     direction = points.mean(axis=0) - middle
@@ -290,17 +282,19 @@ def _frame(parts: Segmentation, rest: Ints) -> Ints:
     return np.asarray(rest[(large | near)[label]])
 
 
-def _foot(points: Array, walls: Array, axis: int, sign: float) -> tuple[float, int, Array, Array]:
-    """Return how well points meet one side of a rim, its axis, its inward direction, its points.
+def _foot(points: Array, walls: Array, axis: int, sign: float) -> tuple[float, Array, Array]:
+    """Return the edge of a plate at one side of a rim.
 
-    The first is the length of the edge less the gap to the rim [m].
+    Returns:
+        The length of the edge less its gap to the rim [m], the inward direction of this side (3,),
+        and the points of the edge (K, 3).
     """
     across = 1 - axis
     wall = walls[0 if sign > 0.0 else 1, across]
     gap = np.abs(points[:, 2] - walls[1, 2]) + np.abs(points[:, across] - wall)
     foot = points[gap <= gap.min() + 0.1 * np.ptp(gap)]
     length = float(np.ptp(foot[:, axis]) - gap.min())
-    return length, axis, sign * np.eye(3)[across], foot
+    return length, sign * np.eye(3)[across], foot
 
 
 def ajar_door(parts: Segmentation) -> list[PartProposal]:

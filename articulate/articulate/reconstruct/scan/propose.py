@@ -32,7 +32,7 @@ TALL = 1.2
 MOST_MOVING = 0.95
 """Largest area of all moving parts, as a share of the object."""
 LEFT = 0.5
-"""Proposals that lose more than the rest of their area to knobs and wheels are these themselves."""
+"""Least share of its area that a proposal keeps; with less, it is a knob or wheel itself."""
 UNSURE = 0.45
 """Largest confidence of fronts without handles and trays."""
 
@@ -163,7 +163,7 @@ def _by_rules(parts: Segmentation, *, smooth: bool) -> FoundParts:
         if lid:
             return FoundParts(parts=tuple(with_details(parts, lid)), category=_lid_category(parts))
     if not sure and wheels(parts):
-        fronts = []  # of a cart or a stand, which no handle or tray shows to move
+        fronts = []  # the panels of a cart or a stand have no handle or tray
     found = with_sliding(parts, front_parts(parts, fronts), every_front)
     if not sure:
         found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
