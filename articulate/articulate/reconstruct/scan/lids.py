@@ -212,6 +212,8 @@ def _walls(parts: Segmentation) -> list[Array]:
 
 def _plates(parts: Segmentation, faces: Ints) -> list[Ints]:
     """Group faces that share an edge, and those of both sides of one plate."""
+    if not len(faces):
+        return []
     upper = parts.mesh.select(faces)
     cells = components(upper, edges_of(upper), colour=False)
     merged: list[tuple[Array, list[Ints]]] = []

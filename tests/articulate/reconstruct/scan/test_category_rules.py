@@ -162,6 +162,22 @@ def test_a_closed_box_with_a_border_has_no_flaps():
     assert len(open_flaps(Segmentation(mesh))) == 4
 
 
+def test_an_open_box_without_flaps_has_none():
+    mesh, label = open_box(170, 170, 170, 170)
+    assert open_flaps(Segmentation(mesh.select(np.flatnonzero(label < 0)))) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_boxes_with_flaps_at_any_angle_are_read(seed):
+    random = np.random.default_rng(seed)
+    mesh, label = open_box(*random.uniform(30.0, 230.0, 4))
+    sized = mesh.transformed(np.diag(random.uniform(0.6, 1.5, 3)), 1.0, np.zeros(3))
+    found = open_flaps(Segmentation(sized))
+    assert len(found) == 4
+    for flap in found:
+        assert max(overlap(sized, flap.faces, label, k) for k in range(4)) > 0.99
+
+
 def test_the_ears_of_a_pot_are_no_hinge():
     for ears in [(), ((-1, 0), (1, 0))]:
         mesh, _ = merged(*bin_with_lid(*ears))
